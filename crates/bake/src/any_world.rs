@@ -325,13 +325,13 @@ impl AnyWorld {
         each!(&mut self.worlds, world => world.record_impulses(recording));
     }
 
-    /// Turns the saving of contact systems on or off
+    /// Turns the saving of contacts and joints on or off
     /// ([`World::save_systems`](drystone::World::save_systems)).
     pub fn save_systems(&mut self, saving: bool) {
         each!(&mut self.worlds, world => world.save_systems(saving));
     }
 
-    /// Returns the saved contact system as matrices ([`World::saved`](drystone::World::saved));
+    /// Returns the saved contacts and joints as matrices ([`World::saved`](drystone::World::saved));
     /// `None` if nothing was saved. Feature `assembled`.
     ///
     /// # Errors

@@ -163,8 +163,8 @@ fn write(
         let part = if arguments.dump_impacts { Part::Impacts } else { Part::Contacts };
         let step = arguments.dump_step.unwrap_or_default();
         let dump = Dump { scene: &read.scene, header: &header, step, part, saved };
-        let (dumps, warning) = dump.write(outputs.dumps())?;
-        print_warnings(arguments, warning.iter());
+        let (dumps, warnings) = dump.write(outputs.dumps())?;
+        print_warnings(arguments, warnings.iter());
         files.extend(dumps);
     }
     if let Some(path) = &arguments.report {

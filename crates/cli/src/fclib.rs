@@ -10,7 +10,9 @@
 use std::path::Path;
 
 use drystone_scene::{Place, SceneError, write_whole};
-use drystone_solver::assembled::{Assembly, Bodies, Matrix, Problem, ProblemError, from_entries};
+use drystone_solver::assembled::{
+    Assembly, Bodies, JointRows, Matrix, Problem, ProblemError, from_entries,
+};
 use hdf5_pure::{File, FileBuilder, GroupBuilder};
 
 use crate::failure::Failure;
@@ -131,11 +133,14 @@ fn unfold(starts: &[i32], rows: usize, entries: usize) -> Option<Vec<usize>> {
     Some((0..rows).flat_map(row).collect())
 }
 
-/// Writes W, q and mu, and the guess.
+/// Writes W, q and mu of the contacts, and the guess. The format has no rows of joints.
 pub(crate) fn write(path: &Path, title: &str, assembly: &Assembly) -> Result<(), Failure> {
     let failed =
         |why: String| Failure::File(format!("{}: cannot be written: {why}", path.display()));
-    let problem = assembly.problem_in_space().map_err(|error| failed(error.to_string()))?;
+    let rows = JointRows::none(assembly.velocities.len());
+    let contacts = rows.map(|rows| Assembly { rows, ..assembly.clone() });
+    let problem = contacts.and_then(|contacts| contacts.problem_in_space());
+    let problem = problem.map_err(|error| failed(error.to_string()))?;
     let mut file = FileBuilder::new();
     let mut local = file.create_group("fclib_local");
     local.create_dataset("spacedim").with_i32_data(&[problem.dimension() as i32]);

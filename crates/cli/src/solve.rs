@@ -23,12 +23,12 @@ use run::{Choice, MethodRun};
 /// Largest number of unknowns whose matrix is printed.
 const SHOWN: usize = 6;
 
-/// Solve a contact problem or a linear complementarity problem given as matrices.
+/// Solve contacts and joints, or a linear complementarity problem, given as matrices.
 ///
 /// PROBLEM is JSON, and one of four kinds. A contact problem u = W r + q has `dim`, `mu`, `q` and
 /// `W`; in global form, the bodies' `M`, `H`, `f` and `w`. A linear complementarity problem has `q`
 /// and `M` or `M_rows`. A problem saved by `drystone bake --dump-step` has `M`, `J`, `v_star`, `t`,
-/// `mu`, and optionally `eps` and the guess `gamma_0`. Sparse matrices are given by columns
+/// `mu`, and optionally `eps`, the guess `gamma_0` and `joint_rows`. Sparse matrices are given by columns
 /// (`rows`, `cols`, `colptr`, `rowidx`, `values`). Builds with the feature `fclib` read FCLIB's
 /// .hdf5 files.
 #[derive(clap::Args)]
@@ -212,8 +212,14 @@ fn text(named: &read::Named, runs: &[MethodRun]) -> String {
         dimension => format!("with friction in {dimension}D"),
     };
     let Outcome { status, reason, residual, iterations, .. } = &run.solved.outcome;
+    let joints = match problem.rows().len() {
+        0 => String::new(),
+        1 => " and 1 row of a joint".to_owned(),
+        many => format!(" and {many} rows of joints"),
+    };
     // Writing to a string does not fail.
-    let _ = writeln!(text, "{}: {contacts} {kind}, {} unknowns", named.name, problem.unknowns());
+    let (name, unknowns) = (&named.name, problem.unknowns());
+    let _ = writeln!(text, "{name}: {contacts} {kind}{joints}, {unknowns} unknowns");
     let _ = writeln!(text, "method       {}", run.solved.method.name());
     let _ = writeln!(text, "status       {} ({reason})", status.name());
     let _ = writeln!(text, "residual     {residual:.2e}, relative");

@@ -214,6 +214,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.acting.is_empty()
     }
 
+    /// Returns the slots of the joints that act, in the order of the mechanisms.
+    pub(crate) fn acting(&self) -> &[u32] {
+        &self.acting
+    }
+
     /// Returns the pairs of bodies of the joints that act. A joint to the world has its body twice.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + Clone {
         self.pairs.iter().copied()

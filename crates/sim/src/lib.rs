@@ -79,7 +79,7 @@ pub use joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrames, Join
 pub use ledger::Ledger;
 pub use queries::RayHit;
 pub use report::{BrokenJoint, ContactPoints, Measure, Nearby, Stage, StepReport};
-pub use saved::SavedSystem;
+pub use saved::{RowKind, SavedJoint, SavedRow, SavedSystem};
 #[cfg(feature = "assembled")]
 pub use saved::{SavedContact, SavedProblem};
 pub use settings::StepSettings;

@@ -14,6 +14,7 @@ use drystone_solver::thread_pool::Divide;
 use crate::bodies::Bodies;
 use crate::cache::Pair;
 use crate::geometry::Geometry;
+use crate::joints::BodyPlaces;
 use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
 use crate::report::{Stage, StageTimer, StepReport};
@@ -517,13 +518,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         });
     }
 
-    /// Saves the contact system of a substep of `h` \[s\] before it is solved.
+    /// Saves the contacts and joints of a substep of `h` \[s\] before it is solved.
     fn save(&mut self, h: f32) {
-        let mut system = self.bodies.without_contacts();
-        // The prospective velocities are those before contact impulses.
-        system.velocities.clone_from(&self.scratch.prospective);
-        self.solver.lanes.unpack(&mut system);
-        let positions = self.bodies.frames.iter().map(|frame| frame.position).collect();
-        self.execution.saved = Some(SavedSystem { system, positions, substep: h });
+        let mut contacts = self.bodies.without_contacts();
+        // The prospective velocities are those before the impulses of contacts and joints.
+        contacts.velocities.clone_from(&self.scratch.prospective);
+        self.solver.lanes.unpack(&mut contacts);
+        let displacements = &self.scratch.displacements;
+        let at = BodyPlaces { bodies: &self.bodies, displacements };
+        self.execution.saved = Some(SavedSystem::new(&contacts, &self.solver.joints, &at, h));
     }
 }

@@ -97,11 +97,11 @@ pub(crate) struct Execution<const L: usize, const A: usize> {
     pub(crate) clock: Clock,
     /// True if steps measure the time of their stages.
     pub(crate) timing: bool,
-    /// True if steps save the contact system of their last substep.
+    /// True if steps save the contacts and joints of their last substep.
     pub(crate) saving: bool,
     /// True if steps record the impulses of their contacts.
     pub(crate) recording: bool,
-    /// Saved contact system, as [`World::saved`] returns it.
+    /// Saved contacts and joints, as [`World::saved`] returns them.
     pub(crate) saved: Option<SavedSystem<L, A>>,
 }
 
@@ -466,13 +466,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.execution.timing = timing;
     }
 
-    /// Sets whether steps save the contact system of their last substep. The default is no.
+    /// Sets whether steps save the contacts and joints of their last substep. The default is no.
     pub fn save_systems(&mut self, saving: bool) {
         self.execution.saving = saving;
         self.execution.saved = None;
     }
 
-    /// Returns the contact system of the last substep before solving, if it was saved
+    /// Returns the contacts and joints of the last substep before solving, if they were saved
     /// ([`World::save_systems`]). If contacts bounced in the step, the substep is the last one
     /// before the next contact search.
     pub fn saved(&self) -> Option<&SavedSystem<L, A>> {

@@ -18,25 +18,25 @@
 //! | t, b | k | target velocities; b = t - J v | [`targets`], [`rhs`] |
 //! | gamma | k | impulses | [`impulses`] |
 //!
-//! A fixed body has an empty block of M^-1. So a wall has its columns in J (a moving wall pushes),
+//! [`joint_jacobian`] has the rows of joints. A fixed body has an empty block of M^-1. So a wall has its columns in J (a moving wall pushes),
 //! but couples no contacts in A.
 //!
-//! An [`Assembly`] is a whole system in this form, friction and compliance included. It creates a
-//! [`Problem`], and stores the solution in the system.
+//! An [`Assembly`] is a whole system in this form: friction, compliance and rows of joints included.
+//! It creates a [`Problem`], and stores the solution in the system.
 //!
-//! A [`Problem`] is any contact problem given as matrices, u = W r + q, with or without friction.
-//! [`ladder::solve`] tries one method after the other until the tolerance is reached, or reports
-//! why it is not.
+//! A [`Problem`] is any problem given as matrices, u = W r + q: contacts with or without friction,
+//! then rows of joints with two targets and bounds. [`ladder::solve`] tries one method after the
+//! other until the tolerance is reached, or reports why it is not.
 //!
-//! | method | with friction | use |
-//! |---|---|---|
-//! | [`block_gauss_seidel`] | yes | first: cheap, and often sufficient |
-//! | [`proximal`] | yes | singular and ill-conditioned problems, to rounding |
-//! | [`newton`] | no | general matrices |
-//! | [`lemke`] | no | zero diagonals, any conditioning, some hundred contacts |
-//! | [`enumeration`] | no | up to 16 contacts, any matrix |
-//! | [`interior_point`] | convex model | a reference |
-//! | [`jam`] | no | proves that there is no solution |
+//! | method | with friction | rows of joints | use |
+//! |---|---|---|---|
+//! | [`block_gauss_seidel`] | yes | yes | first: cheap, and often sufficient |
+//! | [`proximal`] | yes | yes | singular and ill-conditioned problems, to rounding |
+//! | [`newton`] | no | no | general matrices |
+//! | [`lemke`] | no | no | zero diagonals, any conditioning, some hundred contacts |
+//! | [`enumeration`] | no | no | up to 16 contacts, any matrix |
+//! | [`interior_point`] | convex model | yes | a reference |
+//! | [`jam`] | no | no | proves that there is no solution |
 //!
 //! All numbers here are `f64`, converted before the first product, whatever the system's type.
 //!
@@ -83,10 +83,11 @@ mod pattern;
 mod problem;
 pub mod proximal;
 
-pub use assembly::Assembly;
+pub use assembly::{Assembly, JointRows};
 pub use columns::{compliance, friction_impulses, impulses, rhs, targets, velocities};
 pub use matrices::{
-    Column, Matrix, friction_jacobian, inverse_mass, jacobian, soften, system_matrix,
+    Column, Matrix, friction_jacobian, inverse_mass, jacobian, joint_jacobian, soften,
+    system_matrix,
 };
 pub use outcome::{Limits, Outcome, Sample, Status};
 pub use pattern::{contacts_of, pattern};

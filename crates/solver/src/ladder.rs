@@ -567,7 +567,7 @@ fn replace<const L: usize, const A: usize>(
         *velocity = prospective[body as usize].cast();
     }
     let methods = Method::IN_MATRICES;
-    // The proximal-point method knows no joints.
+    // Islands with joints have no need of the proximal-point method so far.
     let newton_only = is_crowded(&part.system) || !part.system.joints.is_empty();
     let methods = if newton_only { &methods[..1] } else { methods };
     let (solution, _) = solve_by(methods, &mut part.system, goal);

@@ -76,13 +76,13 @@ pub(crate) struct BakeArguments {
     #[arg(long)]
     pub(super) ledger: bool,
 
-    /// Save the contact problem of the last substep of this step, from 1, for `drystone solve`:
-    /// bodies, contacts, M, J, t, eps, mu, v* and the guess. If contacts bounced and were searched
+    /// Save the problem of the last substep of this step, from 1, for `drystone solve`: bodies,
+    /// contacts, rows of joints, M, J, t, eps, mu, v* and the guess. If contacts bounced and were searched
     /// again after that, the substep is the last one before that search
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_STEPS)))]
     pub(super) dump_step: Option<u32>,
 
-    /// Save the impacts of that step instead: rigid contacts without friction, v* before the
+    /// Save the impacts of that step instead: rigid contacts without friction and joints, v* before the
     /// impacts, and t = -restitution J v* of contacts that close
     #[arg(long, requires = "dump_step")]
     pub(super) dump_impacts: bool,

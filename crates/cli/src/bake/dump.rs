@@ -1,15 +1,16 @@
-//! `--dump-step`: the contact problem of a step, for `drystone solve` and other programs.
+//! `--dump-step`: the contacts and joints of a step, for `drystone solve` and other programs.
 
 use std::path::{Path, PathBuf};
 
-use drystone::{SavedContact, SavedProblem, StepSettings};
+use drystone::{SavedContact, SavedJoint, SavedProblem, SavedRow, StepSettings};
 use drystone_bake::recording::journal::Header;
 use drystone_scene::{Scene, write_whole};
-use drystone_solver::assembled::{Assembly, Matrix};
+use drystone_solver::assembled::{Assembly, JointRows, Matrix};
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::arguments::BakeArguments;
+use super::words::counted;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 
@@ -20,19 +21,25 @@ const CONTACTS: &str = "v = v_star + M^-1 J^T r; u = J v - t + eps r; per contac
 const IMPACTS: &str = "v = v_star + M^-1 J^T r; u = J v - t; per contact, normal first: r_n >= 0, \
                        u_n >= 0, r_n u_n = 0; t_n = -restitution (J v_star)_n of a contact that \
                        closes";
+/// Law of the rows of joints, whose impulses also move the bodies.
+const JOINT_ROWS: &str = "v = v_star + M^-1 (J^T r of contacts + J^T r of rows); per row r = \
+                          clamp((max(0, t[0] - J v) + min(0, t[1] - J v)) / eps, bounds[0], \
+                          bounds[1]); null is infinite";
+/// Number of joints that a warning names.
+const NAMED: usize = 4;
 /// Meaning of the zero rows of M.
 const FIXED: &str = "a fixed body has zero rows in M; M^-1 is 0 there, and the body keeps v_star";
 
 /// Part of a step that is saved.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Part {
-    /// The contacts of the last substep, after the impacts.
+    /// The contacts and joints of the last substep, after the impacts.
     Contacts,
     /// The impacts of the step.
     Impacts,
 }
 
-/// A contact problem with the bake that it comes from.
+/// A saved problem with the bake that it comes from.
 pub(super) struct Dump<'a> {
     pub(super) scene: &'a Scene,
     pub(super) header: &'a Header,
@@ -67,6 +74,8 @@ struct Document<'a> {
     eps: &'a [f64],
     mu: &'a [f64],
     gamma_0: &'a [f64],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    joint_rows: Option<Value>,
 }
 
 /// Checks that the run has the step to save.
@@ -79,7 +88,7 @@ pub(super) fn step(step: Option<u32>, steps: u32) -> Result<Option<u32>, Failure
     }
 }
 
-/// Returns the files of the contact problem: those requested, or one beside the first output.
+/// Returns the files of the problem: those requested, or one beside the first output.
 pub(super) fn files(arguments: &BakeArguments) -> Result<Vec<PathBuf>, Failure> {
     let Some(step) = arguments.dump_step else { return Ok(Vec::new()) };
     for path in &arguments.dump {
@@ -108,15 +117,42 @@ pub(super) fn files(arguments: &BakeArguments) -> Result<Vec<PathBuf>, Failure> 
 }
 
 impl Dump<'_> {
-    /// Writes the files. Returns them, with a warning about what the matrices leave out.
-    pub(super) fn write(
-        &self,
-        files: &[PathBuf],
-    ) -> Result<(Vec<PathBuf>, Option<String>), Failure> {
+    /// Writes the files. Returns them, with warnings about what they leave out.
+    pub(super) fn write(&self, files: &[PathBuf]) -> Result<(Vec<PathBuf>, Vec<String>), Failure> {
         for path in files {
             self.write_one(path)?;
         }
-        Ok((files.to_vec(), self.warning()))
+        let without_joints = files.iter().filter_map(|path| self.without_joints(path));
+        let warnings = self.warning().into_iter().chain(without_joints).collect();
+        Ok((files.to_vec(), warnings))
+    }
+
+    /// Returns a warning if a file has no rows of joints although the step has some.
+    fn without_joints(&self, path: &Path) -> Option<String> {
+        let why = match (self.part, extension(path).as_str()) {
+            (Part::Impacts, _) => "impacts are resolved in turns with joints",
+            (_, "hdf5") => "FCLIB's format has contacts alone",
+            _ => return None,
+        };
+        let joints = &self.saved.joints;
+        if joints.is_empty() {
+            return None;
+        }
+        let rows = joints.iter().map(|joint| joint.rows.len()).sum();
+        let first = joints.iter().take(NAMED);
+        let names: Vec<_> =
+            first.map(|joint| self.scene.joint_name_of(joint.joint as usize)).collect();
+        let more = match joints.len().saturating_sub(NAMED) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        Some(format!(
+            "{}: {why}: {} of {} left out: {}{more}",
+            path.display(),
+            counted(rows, "row"),
+            counted(joints.len(), "joint"),
+            names.join(", ")
+        ))
     }
 
     fn write_one(&self, path: &Path) -> Result<(), Failure> {
@@ -208,7 +244,48 @@ impl Dump<'_> {
             eps: &of.compliance,
             mu: &of.friction,
             gamma_0: &of.guess,
+            joint_rows: (!of.rows.laws.is_empty()).then(|| self.joint_rows(&of.rows)),
         }
+    }
+
+    /// Returns the rows of joints, and what each is.
+    fn joint_rows(&self, rows: &JointRows) -> Value {
+        let (bodies, names) = (self.scene.names(), self.scene.joint_names());
+        let joint = |joint: &SavedJoint| {
+            let name = |body: Option<u32>| body.and_then(|body| bodies.get(body as usize));
+            json!({
+                "name": names.get(joint.joint as usize),
+                "joint": joint.joint,
+                "bodies": joint.bodies,
+                "names": joint.bodies.map(name),
+                "point": joint.point,
+                "rows": joint.rows.len(),
+            })
+        };
+        let row = |row: SavedRow, joint: &SavedJoint| {
+            let joint = self.scene.joints.get(joint.joint as usize);
+            let axis = joint.and_then(|joint| joint.axes.get(row.axis));
+            json!({
+                "coordinate": axis.map(|axis| axis.coordinate.name()),
+                "kind": row.kind.name(),
+            })
+        };
+        let joints = &self.saved.joints;
+        let each = joints.iter().flat_map(|joint| joint.rows.iter().map(move |own| (own, joint)));
+        json!({
+            "law": JOINT_ROWS,
+            "units": {
+                "J": "1, m", "bounds": "N s, N m s", "eps": "1/kg, 1/(kg m^2)",
+                "gamma_0": "N s, N m s", "point": "m", "t": "m/s, rad/s",
+            },
+            "joints": joints.iter().map(joint).collect::<Vec<_>>(),
+            "rows": each.map(|(own, joint)| row(*own, joint)).collect::<Vec<_>>(),
+            "J": by_columns(&rows.jacobian),
+            "t": rows.laws.iter().map(|law| law.targets).collect::<Vec<_>>(),
+            "bounds": rows.laws.iter().map(|law| law.bounds).collect::<Vec<_>>(),
+            "eps": rows.laws.iter().map(|law| law.compliance).collect::<Vec<_>>(),
+            "gamma_0": rows.guess,
+        })
     }
 }
 

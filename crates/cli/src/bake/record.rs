@@ -47,7 +47,7 @@ pub(super) struct Bake {
     pub(super) steps: Vec<Step>,
     /// Joints at each frame.
     pub(super) joints: Vec<JointFrame>,
-    /// Contact problem of the step to be saved.
+    /// Problem of the step to be saved.
     pub(super) saved: Option<SavedProblem>,
 }
 
@@ -55,7 +55,7 @@ pub(super) struct Bake {
 #[derive(Clone, Copy)]
 pub(super) struct Length {
     pub(super) steps: usize,
-    /// Step whose contact problem is saved, from 1.
+    /// Step whose problem is saved, from 1.
     pub(super) dump_step: Option<usize>,
 }
 

@@ -1,11 +1,11 @@
-//! Picture with the matrix on the left and the contacts on the right.
+//! Picture with the matrix on the left, and the contacts and joints on the right.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::solve::{escaped, short};
 
-/// Side of the matrix, and of the picture of the contacts.
+/// Side of the matrix, and of the picture of the contacts and joints.
 const SIDE: f64 = 600.0;
 const MARGIN: f64 = 30.0;
 const TOP: f64 = 56.0;
@@ -13,7 +13,7 @@ const TOP: f64 = 56.0;
 const CELL: [f64; 2] = [26.0, 60.0];
 /// Minimum size of a cell that has room for its label.
 const LABELED: f64 = 9.0;
-/// Largest number of contacts whose entries, b and normals are shown.
+/// Largest number of contacts and rows of joints whose entries, b and normals are shown.
 const NUMBERED: usize = 16;
 /// Number of digits of an entry.
 const DIGITS: i32 = 3;
@@ -24,7 +24,9 @@ const LETTER: f64 = 0.6;
 
 /// Meaning of the colors.
 const LEGEND: &str = "An entry has the color of the body that makes it, dark gray if two bodies \
-                      do; red: normals, towards the first body of a row.";
+                      do; red: normals, towards the first body of a row; dashed: joints.";
+/// The world, as a body of a joint.
+const WORLD: &str = "world";
 
 /// Horizontal and vertical coordinate. \[m\]
 pub(super) type Point = [f64; 2];
@@ -33,20 +35,22 @@ pub(super) type Point = [f64; 2];
 pub(super) struct Entry {
     pub(super) row: usize,
     pub(super) column: usize,
-    /// a_ij, the normal velocity at contact i per unit normal impulse at contact j. \[1/kg\]
+    /// a_ij, the velocity along normal or row i per unit of impulse along j. \[1/kg\]
     pub(super) value: f64,
-    /// The one dynamic body that both contacts share; `None` if they share two.
+    /// The one dynamic body that both share; `None` if they share two.
     pub(super) body: Option<u32>,
 }
 
-/// A contact, which is a row and a column of A.
+/// A contact or a row of a joint, which is a row and a column of A.
 pub(super) struct Row {
-    /// Bodies a and b.
-    pub(super) bodies: [u32; 2],
+    /// Bodies a and b; absent for the world.
+    pub(super) bodies: [Option<u32>; 2],
+    /// Index of the joint and name of its row; absent for a contact.
+    pub(super) joint: Option<(u32, String)>,
     pub(super) point: Point,
-    /// Normal from b to a, seen in the picture. \[1\]
-    pub(super) normal: Point,
-    /// b_i. \[m/s\]
+    /// Normal of a contact from b to a, seen in the picture. \[1\]
+    pub(super) normal: Option<Point>,
+    /// b_i. \[m/s, rad/s\]
     pub(super) b: f64,
 }
 
@@ -54,7 +58,7 @@ pub(super) struct Row {
 pub(super) struct Picture {
     pub(super) title: String,
     pub(super) entries: Vec<Entry>,
-    pub(super) contacts: Vec<Row>,
+    pub(super) rows: Vec<Row>,
     /// Name of each body, and its position if it is dynamic.
     pub(super) bodies: Vec<(String, Option<Point>)>,
 }
@@ -94,10 +98,13 @@ impl Layout {
 
 /// Draws the picture as SVG.
 pub(super) fn svg(picture: &Picture) -> String {
-    let count = picture.contacts.len();
-    let name = |body: u32| picture.name(body);
-    let rows: Vec<String> = (picture.contacts.iter().enumerate())
-        .map(|(i, Row { bodies: [a, b], .. })| format!("{} – {}  {}", name(*a), name(*b), i + 1))
+    let count = picture.rows.len();
+    let name = |body: Option<u32>| body.map_or(WORLD, |body| picture.name(body));
+    let rows: Vec<String> = (picture.rows.iter().enumerate())
+        .map(|(i, Row { bodies: [a, b], joint, .. })| match joint {
+            Some((_, joint)) => format!("{joint}  {}", i + 1),
+            None => format!("{} – {}  {}", name(*a), name(*b), i + 1),
+        })
         .collect();
     let layout = Layout::new(count, &rows);
     let columns = if layout.numbered { count + 1 } else { count } as f64;
@@ -134,7 +141,7 @@ fn matrix(svg: &mut String, picture: &Picture, layout: &Layout) {
              fill=\"{color}\"/>"
         );
     }
-    let side = picture.contacts.len() as f64 * cell;
+    let side = picture.rows.len() as f64 * cell;
     let _ = writeln!(
         svg,
         "<rect x=\"{left:.1}\" y=\"{TOP}\" width=\"{side:.1}\" height=\"{side:.1}\" fill=\"none\" \
@@ -142,7 +149,7 @@ fn matrix(svg: &mut String, picture: &Picture, layout: &Layout) {
     );
 }
 
-/// Writes the bodies of each row, and the number of each column. If that has no room, only every
+/// Writes the bodies or the name of each row, and the number of each column. If that has no room, only every
 /// n-th number is written.
 fn labels(svg: &mut String, rows: &[String], layout: &Layout) {
     let Layout { cell, size, left, labeled, .. } = layout;
@@ -179,10 +186,10 @@ fn numbers(svg: &mut String, picture: &Picture, layout: &Layout) {
         let fill = if body.is_some() { "#000000" } else { "#ffffff" };
         write(Some(*row), *column, fill, &short(*value, DIGITS));
     }
-    let last = picture.contacts.len();
+    let last = picture.rows.len();
     write(None, last, "#000000", "b [m/s]");
-    for (row, contact) in picture.contacts.iter().enumerate() {
-        write(Some(row), last, "#000000", &short(contact.b, DIGITS));
+    for (row, of) in picture.rows.iter().enumerate() {
+        write(Some(row), last, "#000000", &short(of.b, DIGITS));
     }
 }
 
@@ -198,17 +205,19 @@ fn label(svg: &mut String, ([x, y], size): (Point, f64), weight: &str, text: &st
 }
 
 /// Draws dynamic bodies as discs. Lines lead from the discs of each pair of bodies to the mean of
-/// their contact points. Other bodies are not drawn. Returns the lower edge.
+/// their contact points, and to each of their joints. Other bodies are not drawn. Returns the lower
+/// edge.
 fn graph(svg: &mut String, picture: &Picture, left: f64) -> f64 {
-    let mut pairs: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
-    for (i, contact) in picture.contacts.iter().enumerate() {
-        pairs.entry(contact.bodies).or_default().push(i);
+    let mut links: BTreeMap<(Option<u32>, [Option<u32>; 2]), Vec<usize>> = BTreeMap::new();
+    for (i, row) in picture.rows.iter().enumerate() {
+        let joint = row.joint.as_ref().map(|(joint, _)| *joint);
+        links.entry((joint, row.bodies)).or_default().push(i);
     }
     let used: Vec<(u32, Point)> = (picture.bodies.iter().enumerate())
-        .filter(|(body, _)| pairs.keys().any(|pair| pair.contains(&(*body as u32))))
+        .filter(|(body, _)| links.keys().any(|(_, pair)| pair.contains(&Some(*body as u32))))
         .filter_map(|(body, (_, place))| Some((body as u32, (*place)?)))
         .collect();
-    let points = || used.iter().map(|of| of.1).chain(picture.contacts.iter().map(|of| of.point));
+    let points = || used.iter().map(|of| of.1).chain(picture.rows.iter().map(|of| of.point));
     let bound = |pick: fn(f64, f64) -> f64| -> Point {
         [0, 1].map(|i| points().map(|point| point[i]).reduce(pick).unwrap_or(0.0))
     };
@@ -217,18 +226,20 @@ fn graph(svg: &mut String, picture: &Picture, left: f64) -> f64 {
     let place = |[x, y]: Point| -> Point {
         [left + MARGIN + (x - low[0]) * scale, TOP + MARGIN + (high[1] - y) * scale]
     };
-    let size = (260.0 / (pairs.len() as f64).sqrt().max(1.0)).clamp(5.0, 12.0);
+    let size = (260.0 / (links.len() as f64).sqrt().max(1.0)).clamp(5.0, 12.0);
     let mut texts = String::new();
     let mut write =
         |at: Point, weight: &str, text: &str| label(&mut texts, (at, size), weight, text);
-    for ([a, b], contacts) in &pairs {
-        let middle = place(picture.mean(contacts));
-        let ends = used.iter().filter(|(body, _)| [a, b].contains(&body));
-        link(svg, middle, ends.map(|(_, center)| place(*center)));
-        if let (true, Some(&first)) = (picture.contacts.len() <= NUMBERED, contacts.first()) {
-            normal(svg, middle, picture.contacts[first].normal);
+    for ((joint, pair), rows) in &links {
+        let middle = place(picture.mean(rows));
+        let ends = used.iter().filter(|(body, _)| pair.contains(&Some(*body)));
+        let dashes = if joint.is_some() { " stroke-dasharray=\"4 3\"" } else { "" };
+        link(svg, (middle, dashes), ends.map(|(_, center)| place(*center)));
+        let first = rows.first().and_then(|&first| picture.rows[first].normal);
+        if let Some(way) = first.filter(|_| picture.rows.len() <= NUMBERED) {
+            normal(svg, middle, way);
         }
-        write([middle[0] + size, middle[1] + size], "normal", &range(contacts));
+        write([middle[0] + size, middle[1] + size], "normal", &range(rows));
     }
     for (body, center) in &used {
         let [x, y] = place(*center);
@@ -246,23 +257,23 @@ impl Picture {
         self.bodies.get(body as usize).map_or("", |(name, _)| name)
     }
 
-    /// Returns the mean of the points of some contacts.
-    fn mean(&self, contacts: &[usize]) -> Point {
-        let part = 1.0 / contacts.len() as f64;
-        contacts.iter().fold([0.0; 2], |sum, &i| {
-            let [x, y] = self.contacts[i].point;
+    /// Returns the mean of the points of some rows.
+    fn mean(&self, rows: &[usize]) -> Point {
+        let part = 1.0 / rows.len() as f64;
+        rows.iter().fold([0.0; 2], |sum, &i| {
+            let [x, y] = self.rows[i].point;
             [sum[0] + part * x, sum[1] + part * y]
         })
     }
 }
 
-/// Draws a contact as a square, with a line to each of its bodies.
-fn link(svg: &mut String, [x, y]: Point, bodies: impl Iterator<Item = Point>) {
+/// Draws a contact or a joint as a square, with a line of this style to each of its bodies.
+fn link(svg: &mut String, ([x, y], style): (Point, &str), bodies: impl Iterator<Item = Point>) {
     for [from_x, from_y] in bodies {
         let _ = writeln!(
             svg,
             "<line x1=\"{from_x:.1}\" y1=\"{from_y:.1}\" x2=\"{x:.1}\" y2=\"{y:.1}\" \
-             stroke=\"#999999\"/>"
+             stroke=\"#999999\"{style}/>"
         );
     }
     let _ = writeln!(
@@ -284,9 +295,9 @@ fn normal(svg: &mut String, [x, y]: Point, [right, up]: Point) {
     );
 }
 
-/// Formats the numbers of the contacts of two bodies, from 1; these are consecutive.
-fn range(contacts: &[usize]) -> String {
-    match contacts {
+/// Formats the numbers of the contacts or rows of two bodies, from 1; these are consecutive.
+fn range(rows: &[usize]) -> String {
+    match rows {
         [] => String::new(),
         [one] => (one + 1).to_string(),
         [first, .., last] => format!("{}–{}", first + 1, last + 1),

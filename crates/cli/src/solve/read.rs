@@ -1,4 +1,4 @@
-//! Reads contact problems from JSON files.
+//! Reads problems of contacts and rows of joints from JSON files.
 
 #![cfg_attr(
     not(test),
@@ -17,7 +17,10 @@ use std::num::NonZero;
 use std::path::Path;
 
 use drystone_scene::{Place, SceneError};
-use drystone_solver::assembled::{Assembly, Bodies, Matrix, Problem, ProblemError, from_entries};
+use drystone_solver::assembled::{
+    Assembly, Bodies, JointRows, Matrix, Problem, ProblemError, from_entries,
+};
+use drystone_solver::law::Interval;
 use serde_json::Value;
 
 /// Maximum number of unknowns that are read.
@@ -28,7 +31,7 @@ const MOST: usize = 1_000_000;
 pub(super) struct Named {
     pub(super) name: String,
     pub(super) problem: Problem,
-    /// Bodies and contacts of the problem, if they are known.
+    /// Bodies, contacts and joints of the problem, if they are known.
     pub(super) assembly: Option<Assembly>,
     /// Initial guess of the impulses, if the file has one.
     pub(super) warm: Option<Vec<f64>>,
@@ -102,7 +105,7 @@ fn fclib(file: &File<'_>) -> Result<Problem, SceneError> {
     Err(file.error(Place::File, why, String::new(), "accepted: .json"))
 }
 
-/// Reads bodies and contacts as `drystone bake --dump-step` saves them.
+/// Reads bodies, contacts and joints as `drystone bake --dump-step` saves them.
 fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
     let d = dimension(node)?;
     let targets = node.get("t")?.numbers()?;
@@ -110,6 +113,10 @@ fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
     let (rows, columns) = (targets.len(), velocities.len());
     let friction = friction(&node.get("mu")?, rows / d)?;
     let or_zero = |key: &str| node.find(key).map_or(Ok(vec![0.0; rows]), |node| node.numbers());
+    let joint_rows = match node.find("joint_rows") {
+        Some(rows) => joint_rows(&rows, columns)?,
+        None => JointRows::none(columns).map_err(|error| node.invalid_problem(&error))?,
+    };
     Ok(Assembly {
         dimension: d.get(),
         mass: node.get("M")?.sparse(columns, columns)?,
@@ -120,6 +127,31 @@ fn assembly(node: &Node<'_>) -> Result<Assembly, SceneError> {
         contacts: (0..friction.len()).collect(),
         friction,
         targets,
+        rows: joint_rows,
+    })
+}
+
+/// Reads the rows of joints of bodies with this number of velocities.
+fn joint_rows(node: &Node<'_>, columns: usize) -> Result<JointRows, SceneError> {
+    let (targets, bounds) = (node.get("t")?, node.get("bounds")?);
+    let count = targets.list()?.len();
+    if bounds.list()?.len() != count {
+        return Err(bounds.length(bounds.list()?.len(), count));
+    }
+    let or_zero = |key: &str| node.find(key).map_or(Ok(vec![0.0; count]), |node| node.numbers());
+    let compliance = or_zero("eps")?;
+    if compliance.len() != count {
+        return Err(node.get("eps")?.length(compliance.len(), count));
+    }
+    let law = |(row, compliance): (usize, f64)| {
+        let (targets, bounds) = (targets.item(row).range()?, bounds.item(row).range()?);
+        Ok(Interval { targets, bounds, compliance })
+    };
+    Ok(JointRows {
+        jacobian: node.get("J")?.sparse(count, columns)?,
+        laws: compliance.into_iter().enumerate().map(law).collect::<Result<_, _>>()?,
+        guess: or_zero("gamma_0")?,
+        axes: (0..count).collect(),
     })
 }
 
@@ -274,6 +306,19 @@ impl<'a> Node<'a> {
             value.as_f64().filter(|x| x.is_finite()).ok_or_else(|| self.item(i).wrong("a number"))
         };
         self.entries()?.iter().enumerate().map(one).collect()
+    }
+
+    /// Reads the ends of a range; null is infinite.
+    fn range(&self) -> Result<[f64; 2], SceneError> {
+        let end = |i: usize, infinite: f64| match self.item(i).value {
+            Value::Null => Some(infinite),
+            value => value.as_f64(),
+        };
+        let ends = (end(0, f64::NEG_INFINITY), end(1, f64::INFINITY));
+        match (self.value, ends) {
+            (Value::Array(list), (Some(low), Some(high))) if list.len() == 2 => Ok([low, high]),
+            _ => Err(self.wrong("a list of two numbers; null if infinite")),
+        }
     }
 
     /// Returns the entries of a list of any length.

@@ -1,7 +1,7 @@
 //! Result of a solve as JSON, for other programs.
 
-use drystone_solver::assembled::Sample;
 use drystone_solver::assembled::ladder::Attempt;
+use drystone_solver::assembled::{Problem, Sample};
 use serde_json::{Value, json};
 
 use super::read::Named;
@@ -28,8 +28,8 @@ pub(super) fn json(named: &Named, run: &MethodRun) -> Value {
         "units": {
             "approach": "m/s", "complementarity": "J", "cone_violation": "N s",
             "fastest_approach": "m/s", "gap": "J", "least_sum": "N s", "natural_map": "1",
-            "residual": "1", "scaled_natural_map": "1", "time_ms": "ms", "u": "m/s",
-            "weights": "1", impulses: "N s",
+            "residual": "1", "row_miss": "m/s, rad/s", "scaled_natural_map": "1",
+            "time_ms": "ms", "u": "m/s", "weights": "1", impulses: "N s",
         },
         "status": outcome.status.name(),
         "reason": outcome.reason,
@@ -58,8 +58,13 @@ pub(super) fn in_words(named: &Named, run: &MethodRun) -> String {
         Some(gap) => format!("gap {gap:.1e} J, "),
         None => String::new(),
     };
+    let rows = match certificate["row_miss"].as_f64() {
+        Some(miss) => format!(", rows of joints miss {miss:.1e} m/s"),
+        None => String::new(),
+    };
     format!(
-        "{gap}natural map {:.1e} (scaled {:.1e}), approach {:.1e} m/s, outside the cones {:.1e} N s",
+        "{gap}natural map {:.1e} (scaled {:.1e}), approach {:.1e} m/s, outside the cones {:.1e} N \
+         s{rows}",
         number("natural_map"),
         number("scaled_natural_map"),
         number("fastest_approach"),
@@ -89,6 +94,9 @@ fn certificate(named: &Named, run: &MethodRun) -> Value {
         "cone_violation": most(&mut pairs().map(outside)),
         "complementarity": most(&mut pairs().map(work)),
     });
+    if !problem.rows().is_empty() {
+        certificate["row_miss"] = json!(row_miss(problem, r, &u));
+    }
     if let Some(assembly) = &named.assembly {
         // Without compliance the gap is infinite as soon as rounding misses a target.
         let gap = assembly.gap(r);
@@ -102,4 +110,16 @@ fn certificate(named: &Named, run: &MethodRun) -> Value {
         });
     }
     certificate
+}
+
+/// Returns the largest velocity by which a row of a joint misses its law. \[m/s, rad/s\]
+fn row_miss(problem: &Problem, r: &[f64], u: &[f64]) -> f64 {
+    let (contacts, r) = problem.split_rows(r);
+    let (first, (_, u)) = (contacts.len(), problem.split_rows(u));
+    let rows = r.iter().zip(u).zip(problem.rows()).enumerate();
+    let misses = rows.map(|(i, ((&r, &u), law))| {
+        let w = problem.matrix().get(first + i, first + i).copied().unwrap_or(0.0);
+        if w > 0.0 { (law.visit(1.0 / w, u, r) - r).abs() * w } else { 0.0 }
+    });
+    misses.fold(0.0, f64::max)
 }

@@ -5,6 +5,7 @@ mod check;
 mod common;
 mod convert;
 mod faults;
+mod joints;
 mod matrix;
 mod resume;
 mod solve;

@@ -4,23 +4,25 @@ use faer::{Mat, Side};
 
 use super::problem::{coupled, product, same, transposed};
 use super::{
-    Matrix, Problem, ProblemError, friction_jacobian, from_entries, inverse_mass, velocities,
+    Matrix, Problem, ProblemError, friction_jacobian, from_entries, inverse_mass, joint_jacobian,
+    velocities,
 };
-use crate::law::{Cone, Law};
+use crate::law::{Cone, Interval, Law};
 use crate::{Scalar, System, Vector};
 
 /// Eigenvalues of a block of M below this fraction of its largest count as zero. \[1\]
 const ZERO: f64 = 1e-12;
 
-/// Bodies and contacts of a [`System`] as matrices: find r with
+/// Bodies, contacts and rows of joints of a [`System`] as matrices: find r with
 ///
 /// v+ = v* + M^-1 J^T r, u = J v+ - t + E r, K ∋ r ⊥ u + mu |u_t| n ∈ K*,
 ///
-/// where K is the [`Cone`] of each contact. So u of the [`Problem`] is the velocity of a
+/// where K is the [`Cone`] of each contact. Rows of joints follow the contacts, each with the law
+/// of an [`Interval`]. So u of the [`Problem`] is the velocity of a
 /// contact beyond its target, positive along the normal from b to a, and J^T is the H of FCLIB. u
 /// includes the yield E r of soft contacts.
 ///
-/// Contacts that nothing can move are left out; no method for a [`System`] changes them. The
+/// Contacts and rows that nothing can move are left out; no method for a [`System`] changes them. The
 /// collision impulses ([`Contact::impact`](crate::Contact::impact)), which also bear friction, are
 /// not part of this form.
 #[derive(Clone, Debug)]
@@ -43,6 +45,57 @@ pub struct Assembly {
     pub guess: Vec<f64>,
     /// Index in the system of each contact.
     pub contacts: Vec<usize>,
+    /// The rows of joints.
+    pub rows: JointRows,
+}
+
+/// Rows of joints of an [`Assembly`].
+#[derive(Clone, Debug)]
+pub struct JointRows {
+    /// J, which maps velocities to the rows: J_a in the columns of body a, J_b in those of b.
+    pub jacobian: Matrix,
+    /// Targets, bounds and compliance of each row.
+    pub laws: Vec<Interval<f64>>,
+    /// gamma_0 of each row: the initial guess. \[N s, N m s\]
+    pub guess: Vec<f64>,
+    /// Index in the system of each row.
+    pub axes: Vec<usize>,
+}
+
+impl JointRows {
+    /// No rows, for bodies with this number of velocities.
+    ///
+    /// # Errors
+    /// The number is too large for a matrix.
+    pub fn none(columns: usize) -> Result<Self, ProblemError> {
+        let jacobian = from_entries(0, columns, &[])?;
+        Ok(Self { jacobian, laws: Vec::new(), guess: Vec::new(), axes: Vec::new() })
+    }
+
+    fn of_system<T: Scalar, const L: usize, const A: usize>(
+        system: &System<T, L, A>,
+    ) -> Result<Self, ProblemError> {
+        let moves = |row: &usize| system.axes[*row].effective_mass > T::ZERO;
+        let axes: Vec<_> =
+            system.joints.iter().flat_map(|joint| joint.axes()).filter(moves).collect();
+        let jacobian = joint_jacobian(system);
+        if let Some(i) = jacobian.val().iter().position(|x| !x.is_finite()) {
+            return Err(ProblemError::NotFinite("J of the joints", i));
+        }
+        Ok(Self {
+            jacobian: rows_of(&jacobian, axes.iter().copied())?,
+            laws: axes.iter().map(|&row| system.axes[row].cast().law).collect(),
+            guess: axes.iter().map(|&row| system.axes[row].impulse.to_f64()).collect(),
+            axes,
+        })
+    }
+
+    /// Returns the law of a row with a finite target at 0, for use in a [`Problem`], and that
+    /// target.
+    fn centered(law: &Interval<f64>) -> (Interval<f64>, f64) {
+        let origin = law.targets.into_iter().find(|target| target.is_finite()).unwrap_or(0.0);
+        (Interval { targets: law.targets.map(|target| target - origin), ..*law }, origin)
+    }
 }
 
 impl Assembly {
@@ -54,9 +107,6 @@ impl Assembly {
     pub fn of_system<T: Scalar, const L: usize, const A: usize>(
         system: &System<T, L, A>,
     ) -> Result<Self, ProblemError> {
-        if !system.joints.is_empty() {
-            return Err(ProblemError::Joints);
-        }
         let v = velocities(system);
         let mut assembly = Self {
             dimension: L,
@@ -68,6 +118,7 @@ impl Assembly {
             friction: Vec::new(),
             guess: Vec::new(),
             contacts: Vec::new(),
+            rows: JointRows::of_system(system)?,
         };
         for manifold in &system.manifolds {
             for i in manifold.points() {
@@ -93,8 +144,8 @@ impl Assembly {
         }
     }
 
-    /// Returns the problem W = J M^-1 J^T + E, q = J v* - t; only its normal rows if no contact has
-    /// friction.
+    /// Returns the problem W = J M^-1 J^T + E, q = J v* - t; only the normals of contacts if none
+    /// has friction. For a row of a joint t is a target of it that is finite.
     ///
     /// # Errors
     /// Sizes do not fit, or a number is not finite.
@@ -111,20 +162,26 @@ impl Assembly {
         self.rows_as_problem(self.dimension)
     }
 
-    /// Builds the problem from all rows, or from the normal row of each contact.
+    /// Builds the problem from all rows, or from the normal row of each contact and the rows of
+    /// joints.
     fn rows_as_problem(&self, dimension: usize) -> Result<Problem, ProblemError> {
         self.check()?;
         let step = if dimension == 1 { self.dimension } else { 1 };
         let kept = (0..self.targets.len()).step_by(step);
-        let jacobian = rows_of(&self.jacobian, kept.clone())?;
+        let jacobian = below(&self.jacobian, kept.clone(), &self.rows.jacobian)?;
+        let (laws, origins): (Vec<_>, Vec<_>) =
+            self.rows.laws.iter().map(JointRows::centered).unzip();
         let n = jacobian.nrows();
-        let soft = kept.clone().enumerate().map(|(i, row)| (i, i, self.compliance[row]));
+        let soft = kept.clone().map(|row| self.compliance[row]);
+        let soft = soft.chain(laws.iter().map(|law| law.compliance));
+        let soft = soft.enumerate().map(|(i, epsilon)| (i, i, epsilon));
         let inverse = pseudo_inverse(&self.mass, "M")?;
         let rigid = &jacobian * (inverse * transposed(&jacobian)?);
         let matrix = rigid + from_entries(n, n, &soft.collect::<Vec<_>>())?;
         let free = product(&jacobian, &self.velocities);
-        let offset = free.iter().zip(kept).map(|(u, row)| u - self.targets[row]).collect();
-        Problem::new(dimension, self.friction.clone(), matrix, offset)
+        let targets = kept.map(|row| self.targets[row]).chain(origins);
+        let offset = free.iter().zip(targets).map(|(u, target)| u - target).collect();
+        Problem::with_rows((dimension, self.friction.clone()), laws, matrix, offset)
     }
 
     fn check(&self) -> Result<(), ProblemError> {
@@ -137,6 +194,10 @@ impl Assembly {
         same("gamma_0", self.guess.len(), rows)?;
         same("J", self.jacobian.nrows(), rows)?;
         same("a row of J", self.jacobian.ncols(), columns)?;
+        let joint_rows = self.rows.laws.len();
+        same("J of the joints", self.rows.jacobian.nrows(), joint_rows)?;
+        same("a row of J of the joints", self.rows.jacobian.ncols(), columns)?;
+        same("gamma_0 of the joints", self.rows.guess.len(), joint_rows)?;
         same("M", self.mass.nrows(), columns)?;
         same("a row of M", self.mass.ncols(), columns)
     }
@@ -144,7 +205,7 @@ impl Assembly {
     /// Returns the guess as impulses of the [`Problem`].
     pub fn warm(&self, problem: &Problem) -> Vec<f64> {
         let step = if problem.dimension() == 1 { self.dimension } else { 1 };
-        self.guess.iter().copied().step_by(step).collect()
+        self.guess.iter().step_by(step).chain(&self.rows.guess).copied().collect()
     }
 
     /// Returns G of the [`certificate`](crate::certificate) for the impulses r of the [`Problem`]
@@ -160,10 +221,16 @@ impl Assembly {
         }
     }
 
-    /// Returns the sum over the contacts of the loss of r against the response to the velocity.
+    /// Returns the sum over contacts and rows of the loss of r against the response to the velocity.
     fn losses<const D: usize>(&self, problem: &Problem, r: &[f64]) -> f64 {
         let u = problem.velocities(r);
+        let ((u, u_rows), (r, r_rows)) = (problem.split_rows(&u), problem.split_rows(r));
         let mut gap = 0.0;
+        for ((u, r), law) in u_rows.iter().zip(r_rows).zip(&self.rows.laws) {
+            let (law, _) = JointRows::centered(law);
+            let r = law.clamp(Vector([*r]));
+            gap += law.loss(Vector([*u]) - law.soften(r), r);
+        }
         for (i, (u, r)) in u.chunks_exact(D).zip(r.chunks_exact(D)).enumerate() {
             let epsilon = &self.compliance[self.dimension * i..];
             let law = Cone::<f64, D> {
@@ -181,8 +248,8 @@ impl Assembly {
         if gap.is_nan() { f64::INFINITY } else { gap }
     }
 
-    /// Stores the impulses r of the [`Problem`] in the contacts of the system. Velocities do not
-    /// change; see [`System::apply_impulses`].
+    /// Stores the impulses r of the [`Problem`] in the contacts and axes of the system. Velocities do
+    /// not change; see [`System::apply_impulses`].
     pub fn give_back<T: Scalar, const L: usize, const A: usize>(
         &self,
         r: &[f64],
@@ -190,6 +257,13 @@ impl Assembly {
     ) {
         for contact in &mut system.contacts {
             contact.impulse = Vector::ZERO;
+        }
+        for axis in &mut system.axes {
+            axis.impulse = T::ZERO;
+        }
+        let (r, rows) = r.split_at(r.len() - self.rows.axes.len());
+        for (&r, &axis) in rows.iter().zip(&self.rows.axes) {
+            system.axes[axis].impulse = T::from_f64(r);
         }
         let d = r.len() / self.contacts.len().max(1);
         for (r, &contact) in r.chunks_exact(d.max(1)).zip(&self.contacts) {
@@ -212,15 +286,25 @@ impl Problem {
     }
 }
 
-/// Returns these rows of a matrix, in this order.
-fn rows_of(matrix: &Matrix, kept: impl Iterator<Item = usize>) -> Result<Matrix, ProblemError> {
+/// Returns these rows of a matrix, and all rows of another below them.
+fn below(
+    above: &Matrix,
+    kept: impl Iterator<Item = usize>,
+    below: &Matrix,
+) -> Result<Matrix, ProblemError> {
     let (mut entries, mut count) = (Vec::new(), 0);
-    for row in kept {
+    for (matrix, row) in kept.map(|row| (above, row)).chain((0..below.nrows()).map(|i| (below, i)))
+    {
         let values = matrix.col_idx_of_row(row).zip(matrix.val_of_row(row));
         entries.extend(values.map(|(column, &x)| (count, column, x)));
         count += 1;
     }
-    from_entries(count, matrix.ncols(), &entries)
+    from_entries(count, above.ncols(), &entries)
+}
+
+/// Returns these rows of a matrix, in this order.
+fn rows_of(matrix: &Matrix, kept: impl Iterator<Item = usize>) -> Result<Matrix, ProblemError> {
+    below(matrix, kept, &from_entries(0, matrix.ncols(), &[])?)
 }
 
 /// Returns the pseudo-inverse of a symmetric matrix (Moore and Penrose), block by block. `name` is

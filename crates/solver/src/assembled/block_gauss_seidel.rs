@@ -1,4 +1,4 @@
-//! Block Gauss-Seidel: solves one contact at a time exactly, the others fixed.
+//! Block Gauss-Seidel: solves one contact, or row of a joint, at a time exactly, the others fixed.
 //!
 //! With one row per contact this is projected Gauss-Seidel (Cryer 1971), with friction the
 //! nonsmooth Gauss-Seidel of Jean and Moreau (Moreau 1994, Jean 1999). A sweep costs one product
@@ -7,7 +7,7 @@
 //! cycle, which is detected. It has the cheapest iterations, so it is tried first, and it provides
 //! new starts for other methods.
 
-use super::blocks::{Blocks, split};
+use super::blocks::{Blocks, joined, laws, split};
 use super::outcome::{Limits, Outcome, Progress, Status};
 use super::problem::{largest, norm};
 use super::{Problem, jam, local};
@@ -20,7 +20,7 @@ const PATIENCE: usize = 1000;
 
 /// Sweeps until the residual is within the tolerance. Starts from `warm`, or from zero if `None`.
 ///
-/// Needs W_nn > 0 at each contact; otherwise the status is `BadInput`. `Stalled` means that the
+/// Needs W_nn > 0 at each contact and row; otherwise the status is `BadInput`. `Stalled` means that the
 /// iterates diverge, repeat or do not improve.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
     match problem.dimension() {
@@ -34,22 +34,25 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
 pub(super) struct Sweeper<'a, const D: usize> {
     blocks: &'a Blocks<D>,
     offset: &'a [[f64; D]],
-    friction: &'a [f64],
+    problem: &'a Problem,
     lambda: Vec<f64>,
 }
 
 impl<'a, const D: usize> Sweeper<'a, D> {
-    /// Creates the state; `None` if a contact has no positive W_nn.
+    /// Creates the state; `None` if a contact or a row has no positive W_nn.
     pub(super) fn new(
         blocks: &'a Blocks<D>,
         offset: &'a [[f64; D]],
-        friction: &'a [f64],
+        problem: &'a Problem,
     ) -> Option<Self> {
-        let usable = (0..blocks.len()).all(|i| blocks.diagonal(i)[0][0] > 0.0);
-        usable.then(|| Self { blocks, offset, friction, lambda: vec![0.0; blocks.len()] })
+        let usable = (0..blocks.len()).all(|i| {
+            let own = laws::<D>(problem, i).map_or(1, <[_]>::len);
+            (0..own).all(|k| blocks.diagonal(i)[k][k] > 0.0)
+        });
+        usable.then(|| Self { blocks, offset, problem, lambda: vec![0.0; blocks.len()] })
     }
 
-    /// Solves every contact once, in order. Returns the norm of all changes of r, each multiplied
+    /// Solves every contact and row once, in order. Returns the norm of all changes of r, each multiplied
     /// by its W_ii: the current rate of change of the velocities. \[m/s\]
     pub(super) fn sweep(&mut self, r: &mut [[f64; D]], shift: f64, center: &[[f64; D]]) -> f64 {
         let mut changed = 0.0;
@@ -68,7 +71,10 @@ impl<'a, const D: usize> Sweeper<'a, D> {
                     b[k] -= shift * center[i][k];
                 }
             }
-            let new = local::solve(&a, &b, self.friction[i], &mut self.lambda[i]);
+            let new = match laws::<D>(self.problem, i) {
+                Some(laws) => local::visit_rows(&a, &b, laws, r[i]),
+                None => local::solve(&a, &b, self.problem.friction()[i], &mut self.lambda[i]),
+            };
             for k in 0..D {
                 changed += (a[k][k] * (new[k] - r[i][k])).powi(2);
             }
@@ -85,7 +91,7 @@ fn sweeps<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     if progress.converged() {
         return progress.end(Status::Converged, "the start is a solution");
     }
-    let Some(mut sweeper) = Sweeper::new(&blocks, &offset, problem.friction()) else {
+    let Some(mut sweeper) = Sweeper::new(&blocks, &offset, problem) else {
         return progress.end(Status::BadInput, "a diagonal entry of W is not positive");
     };
     let mut r = split::<D>(&start);
@@ -100,7 +106,7 @@ fn sweeps<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
         let done = progress.iterations;
         let early = done < LOOK && done.is_power_of_two();
         if near || early || done.is_multiple_of(LOOK) {
-            progress.record(r.as_flattened());
+            progress.record(joined(&r, problem));
             if progress.converged() {
                 return progress.end(Status::Converged, "within the tolerance");
             }
@@ -110,7 +116,7 @@ fn sweeps<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
         }
         since += 1;
         if r == anchor {
-            progress.record(r.as_flattened());
+            progress.record(joined(&r, problem));
             return progress.end(Status::Stalled, "the sweeps go round in a circle");
         }
         if since == period {
@@ -135,7 +141,7 @@ fn growth<const D: usize>(
     before: &[[f64; D]],
     now: &[[f64; D]],
 ) -> Option<jam::SelfStress> {
-    if D > 1 {
+    if D > 1 || !problem.rows().is_empty() {
         return None;
     }
     let change = now.iter().zip(before).map(|(r, b)| r[0] - b[0]).collect();

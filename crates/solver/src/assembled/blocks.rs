@@ -1,6 +1,10 @@
-//! W as rows of square blocks, one row of blocks per contact.
+//! W as rows of square blocks, one row of blocks per contact, then one for up to D rows of joints.
+//!
+//! Rows of zeros fill up the last block.
 
+use super::Problem;
 use super::matrices::Matrix;
+use crate::law::Interval;
 
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 
@@ -14,9 +18,9 @@ pub(super) struct Blocks<const D: usize> {
 }
 
 impl<const D: usize> Blocks<D> {
-    /// Splits a square matrix, whose size is a multiple of D, into blocks.
+    /// Splits a square matrix into blocks.
     pub(super) fn new(matrix: &Matrix) -> Self {
-        let n = matrix.nrows() / D;
+        let n = matrix.nrows().div_ceil(D);
         let most = matrix.compute_nnz().min(n * n) + n;
         let (mut start, mut columns, mut values) =
             (Vec::with_capacity(n + 1), Vec::with_capacity(most), Vec::with_capacity(most));
@@ -25,7 +29,7 @@ impl<const D: usize> Blocks<D> {
         // Index of the block of each column; not of this row if it is below `first`.
         let mut place = vec![0; n];
         for i in 0..n {
-            let (rows, first) = (D * i..D * (i + 1), columns.len());
+            let (rows, first) = (D * i..matrix.nrows().min(D * (i + 1)), columns.len());
             let own = rows.clone().flat_map(|k| matrix.col_idx_of_row(k).map(|j| j / D));
             for j in own.chain([i]) {
                 if place[j] < first || columns.get(place[j]) != Some(&j) {
@@ -85,7 +89,20 @@ impl<const D: usize> Blocks<D> {
     }
 }
 
-/// Splits numbers into one array per contact.
+/// Splits numbers into one array per block.
 pub(super) fn split<const D: usize>(r: &[f64]) -> Vec<[f64; D]> {
-    r.chunks_exact(D).map(|chunk| std::array::from_fn(|k| chunk[k])).collect()
+    let number = |chunk: &[f64], k: usize| chunk.get(k).copied().unwrap_or(0.0);
+    r.chunks(D).map(|chunk| std::array::from_fn(|k| number(chunk, k))).collect()
+}
+
+/// Returns the numbers of these unknowns without those that fill up the last block.
+pub(super) fn joined<'a, const D: usize>(r: &'a [[f64; D]], problem: &Problem) -> &'a [f64] {
+    &r.as_flattened()[..problem.unknowns()]
+}
+
+/// Returns the laws of the rows of joints in a block; none if it is a contact.
+pub(super) fn laws<const D: usize>(problem: &Problem, block: usize) -> Option<&[Interval<f64>]> {
+    let first = D * block.checked_sub(problem.contacts())?;
+    let rows = problem.rows();
+    Some(&rows[first..rows.len().min(first + D)])
 }

@@ -20,6 +20,9 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     if problem.dimension() != 1 {
         return progress.end(Status::BadInput, "enumeration knows no friction");
     }
+    if !problem.rows().is_empty() {
+        return progress.end(Status::BadInput, "enumeration knows no rows of joints");
+    }
     if n > MOST {
         return progress.end(Status::BadInput, "too many contacts to enumerate");
     }
@@ -50,7 +53,7 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
 /// tests and teaching. Returns none for problems with friction or more than [`MOST`] contacts.
 pub fn all(problem: &Problem, tolerance: f64) -> Vec<Vec<f64>> {
     let n = problem.unknowns();
-    if problem.dimension() != 1 || n > MOST {
+    if problem.dimension() != 1 || !problem.rows().is_empty() || n > MOST {
         return Vec::new();
     }
     let sets = (0..1u32 << n).map(|set| (0..n).filter(|i| set >> i & 1 == 1).collect());

@@ -26,9 +26,9 @@ pub struct SelfStress {
 /// Largest (W^T y)_j, relative to sum_i |W_ij| y_i, that counts as rounding. \[1\]
 const ROUNDING: f64 = 1e-10;
 
-/// Scales y and returns it as a proof, if it is one up to rounding.
+/// Scales y and returns it as a proof, if it is one up to rounding. `None` with rows of joints.
 pub fn proof(problem: &Problem, mut y: Vec<f64>) -> Option<SelfStress> {
-    if problem.dimension() != 1 || y.iter().any(|y| !y.is_finite()) {
+    if problem.dimension() != 1 || !problem.rows().is_empty() || y.iter().any(|y| !y.is_finite()) {
         return None;
     }
     // Entries that are tiny relative to the largest are rounding errors.
@@ -63,7 +63,7 @@ pub fn proof(problem: &Problem, mut y: Vec<f64>) -> Option<SelfStress> {
 /// A pivot costs 2 n^2.
 pub fn find(problem: &Problem, pivots: usize) -> Option<SelfStress> {
     let n = problem.unknowns();
-    if problem.dimension() != 1 || n == 0 {
+    if problem.dimension() != 1 || !problem.rows().is_empty() || n == 0 {
         return None;
     }
     // Tableau in the nonbasic variables: the rows W^T y, the sum, then the objective.

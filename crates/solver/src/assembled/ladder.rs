@@ -1,6 +1,6 @@
 //! [`solve`]: tries the cheapest method first, and the next one where it makes no progress.
 //!
-//! | | without friction | with friction |
+//! | | without friction | with friction, or with rows of joints |
 //! |---|---|---|
 //! | 1 | [`block_gauss_seidel`], as long as its rate predicts a quick end | the same |
 //! | 2 | [`proximal`] | [`proximal`] |
@@ -140,7 +140,7 @@ impl<'a> Ladder<'a> {
         {
             self.rung(MatrixMethod::GaussSeidel, sweeps as usize + TRIAL, true);
         }
-        if self.problem.dimension() == 1 {
+        if self.problem.dimension() == 1 && self.problem.rows().is_empty() {
             let n = self.problem.unknowns();
             let newton = n <= newton::MOST;
             self.next(MatrixMethod::Proximal, 100 + 2 * n, true);

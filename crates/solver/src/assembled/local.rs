@@ -1,6 +1,7 @@
 //! Exact solution of one contact: u = A r + b with Signorini's condition and Coulomb's law.
 
 use super::blocks::Block;
+use crate::law::Interval;
 
 /// Relative error of the sliding equation that counts as solved. \[1\]
 const TOLERANCE: f64 = 1e-14;
@@ -44,6 +45,20 @@ pub(super) fn solve<const D: usize>(
     } else {
         // A is not positive semidefinite: the frictionless response always exists.
         r[0] = -b[0] / a[0][0];
+    }
+    r
+}
+
+/// Returns r of a block of rows of joints: each visited once, in order. A_kk > 0 for each.
+pub(super) fn visit_rows<const D: usize>(
+    a: &Block<D>,
+    b: &[f64; D],
+    laws: &[Interval<f64>],
+    mut r: [f64; D],
+) -> [f64; D] {
+    for (k, law) in laws.iter().enumerate() {
+        let u = b[k] + (0..D).map(|l| a[k][l] * r[l]).sum::<f64>();
+        r[k] = law.visit(1.0 / a[k][k], u, r[k]);
     }
     r
 }

@@ -71,6 +71,26 @@ pub fn friction_jacobian<T: Scalar, const L: usize, const A: usize>(
     rows(system, L)
 }
 
+/// Returns the Jacobian of the rows of joints, one for each of [`System::axes`]: J_a in the columns of
+/// body a, J_b in those of body b. The columns of a joint to the world, which has its body twice,
+/// add up.
+pub fn joint_jacobian<T: Scalar, const L: usize, const A: usize>(
+    system: &System<T, L, A>,
+) -> Matrix {
+    let mut entries = Vec::new();
+    for joint in &system.joints {
+        for row in joint.axes() {
+            for (body, jacobian) in joint.bodies.into_iter().zip(&system.axes[row].jacobian) {
+                let column = (L + A) * body as usize;
+                let values = jacobian.linear.0.into_iter().chain(jacobian.angular.0);
+                let nonzero = values.enumerate().filter(|(_, x)| *x != T::ZERO);
+                entries.extend(nonzero.map(|(i, x)| Entry::new(row, column + i, x.to_f64())));
+            }
+        }
+    }
+    matrix(system.axes.len(), (L + A) * system.velocities.len(), &entries)
+}
+
 /// Returns M^-1, block diagonal: for each body m^-1 on L diagonal entries, then its A x A inverse
 /// inertia in world axes. A fixed body has no entries.
 pub fn inverse_mass<T: Scalar, const L: usize, const A: usize>(system: &System<T, L, A>) -> Matrix {

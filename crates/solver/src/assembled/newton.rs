@@ -26,6 +26,10 @@ pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcom
     if problem.dimension() != 1 {
         return progress.end(Status::BadInput, "this form of Newton's method knows no friction");
     }
+    if !problem.rows().is_empty() {
+        return progress
+            .end(Status::BadInput, "this form of Newton's method knows no rows of joints");
+    }
     if problem.unknowns() > MOST {
         return progress.end(Status::BadInput, "too large for dense factors");
     }

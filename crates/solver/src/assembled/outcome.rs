@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use super::Problem;
 use super::jam::SelfStress;
-use crate::law;
 pub use crate::solution::Status;
 
 /// Stopping criteria of a method.
@@ -40,7 +39,7 @@ pub struct Outcome {
     pub status: Status,
     /// Reason for the status, in a few words.
     pub reason: &'static str,
-    /// r of the best iterate: finite and within the friction cones in every case. \[N s\]
+    /// r of the best iterate: finite, within the friction cones and bounds in every case. \[N s\]
     pub impulses: Vec<f64>,
     /// [`Problem::residual`] of `impulses`. \[1\]
     pub residual: f64,
@@ -93,16 +92,13 @@ impl<'a> Progress<'a> {
         }
     }
 
-    /// Projects an iterate onto the cones, evaluates the residual, and keeps the best iterate.
+    /// Projects an iterate onto the cones and bounds, evaluates the residual, and keeps the best iterate.
     ///
     /// The residual alone bounds a violation of the cones only relative to q, which can be much
     /// larger than the impulses.
     pub(super) fn record(&mut self, r: &[f64]) -> f64 {
         self.projected.copy_from_slice(r);
-        let contacts = self.projected.chunks_exact_mut(self.problem.dimension());
-        for (impulse, &friction) in contacts.zip(self.problem.friction()) {
-            law::project(impulse, friction);
-        }
+        self.problem.project(&mut self.projected);
         let residual = self.problem.residual(&self.projected);
         let elapsed = self.started.elapsed();
         self.history.push(Sample { iteration: self.iterations, residual, elapsed });

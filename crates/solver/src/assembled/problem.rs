@@ -1,12 +1,14 @@
-//! [`Problem`]: a contact problem given as a matrix, u = W r + q.
+//! [`Problem`]: contacts and rows of joints given as a matrix, u = W r + q.
 
 use std::fmt;
+use std::ops::Range;
 
 use faer::sparse::Triplet;
 
 use super::dense::Dense;
 use super::matrices::Matrix;
-use crate::law;
+use crate::Vector;
+use crate::law::{self, Interval, Law};
 
 /// A contact problem in matrix form: find impulses r with
 ///
@@ -18,12 +20,20 @@ use crate::law;
 /// Contact i holds `dimension` consecutive rows: the normal first, then the tangents. With one row
 /// each this is the linear complementarity problem 0 <= r ⊥ W r + q >= 0. W need not be
 /// symmetric: gyroscopic terms and matrix games make it unsymmetric.
+///
+/// Rows of joints may follow the contacts, each with the law of an [`Interval`]: for any s > 0
+///
+/// r = clamp(max(0, r - s (u - t-)) + min(0, r - s (u - t+)), lo, hi).
+///
+/// With t- = t+ = 0 this is box complementarity: u >= 0 where r = lo, u <= 0 where r = hi, and
+/// u = 0 between them.
 #[derive(Clone, Debug)]
 pub struct Problem {
     dimension: usize,
     friction: Vec<f64>,
     matrix: Matrix,
     offset: Vec<f64>,
+    rows: Vec<Interval<f64>>,
     bodies: Option<Bodies>,
 }
 
@@ -55,8 +65,8 @@ pub enum ProblemError {
     Outside(usize, usize),
     /// A block of the mass matrix is singular: its first row.
     Mass(usize),
-    /// The system has joints, which these matrices do not state.
-    Joints,
+    /// The targets or the bounds of a row of a joint are not in order: its index.
+    Law(usize),
 }
 
 impl fmt::Display for ProblemError {
@@ -71,7 +81,9 @@ impl fmt::Display for ProblemError {
                 write!(f, "the friction of contact {i} is {mu}; accepted: 0 or more")
             }
             Self::Outside(i, j) => write!(f, "the matrix has no entry ({i}, {j})"),
-            Self::Joints => write!(f, "the system has joints; accepted: contacts alone"),
+            Self::Law(i) => {
+                write!(f, "the law of row {i}; accepted: t- <= t+, lo <= 0 and hi >= 0")
+            }
             Self::Mass(row) => write!(f, "the mass matrix is singular in the block at row {row}"),
         }
     }
@@ -155,11 +167,26 @@ impl Problem {
         matrix: Matrix,
         offset: Vec<f64>,
     ) -> Result<Self, ProblemError> {
+        Self::with_rows((dimension, friction), Vec::new(), matrix, offset)
+    }
+
+    /// Creates a problem from contacts, given by their dimension and frictions as in
+    /// [`Problem::new`], and rows of joints, given by their laws. W includes the compliance of the
+    /// laws, and targets are measured from u = 0.
+    ///
+    /// # Errors
+    /// Those of [`Problem::new`], or a law is not in order.
+    pub fn with_rows(
+        (dimension, friction): (usize, Vec<f64>),
+        rows: Vec<Interval<f64>>,
+        matrix: Matrix,
+        offset: Vec<f64>,
+    ) -> Result<Self, ProblemError> {
         if !(1..=3).contains(&dimension) {
             return Err(ProblemError::Dimension(dimension));
         }
-        let contacts = offset.len() / dimension;
-        same("q", offset.len(), contacts * dimension)?;
+        let contacts = offset.len().saturating_sub(rows.len()) / dimension;
+        same("q", offset.len(), contacts * dimension + rows.len())?;
         same("W", matrix.nrows(), offset.len())?;
         same("a row of W", matrix.ncols(), offset.len())?;
         let friction = if dimension == 1 { vec![0.0; contacts] } else { friction };
@@ -170,7 +197,14 @@ impl Problem {
         if let Some(i) = friction.iter().position(|&mu| mu < 0.0) {
             return Err(ProblemError::Friction(i, friction[i]));
         }
-        Ok(Self { dimension, friction, matrix, offset, bodies: None })
+        let in_order = |Interval { targets: [low, high], bounds: [lo, hi], .. }: &Interval<f64>| {
+            low <= high && *lo <= 0.0 && *hi >= 0.0
+        };
+        if let Some(i) = rows.iter().position(|law| !in_order(law)) {
+            return Err(ProblemError::Law(i));
+        }
+        let rows = rows.into_iter().map(|law| Interval { compliance: 0.0, ..law }).collect();
+        Ok(Self { dimension, friction, matrix, offset, rows, bodies: None })
     }
 
     /// Creates the linear complementarity problem 0 <= z ⊥ M z + q >= 0.
@@ -219,9 +253,31 @@ impl Problem {
         self.friction.len()
     }
 
-    /// Returns the number of unknowns: `dimension` times `contacts`.
+    /// Returns the laws of the rows of joints, which follow the contacts. Their compliance is in W.
+    pub fn rows(&self) -> &[Interval<f64>] {
+        &self.rows
+    }
+
+    /// Returns the number of unknowns: `dimension` times `contacts`, and one for each row of a
+    /// joint.
     pub fn unknowns(&self) -> usize {
         self.offset.len()
+    }
+
+    /// Splits numbers of the unknowns into those of contacts and those of rows of joints.
+    pub fn split_rows<'a>(&self, r: &'a [f64]) -> (&'a [f64], &'a [f64]) {
+        r.split_at(r.len().saturating_sub(self.rows.len()))
+    }
+
+    /// Projects impulses onto the friction cones and between the bounds of the rows.
+    pub fn project(&self, r: &mut [f64]) {
+        let (contacts, rows) = r.split_at_mut(self.offset.len() - self.rows.len());
+        for (impulse, &friction) in contacts.chunks_exact_mut(self.dimension).zip(&self.friction) {
+            law::project(impulse, friction);
+        }
+        for (impulse, law) in rows.iter_mut().zip(&self.rows) {
+            *impulse = law.clamp(Vector([*impulse]))[0];
+        }
     }
 
     /// Returns mu of each contact. \[1\]
@@ -274,8 +330,8 @@ impl Problem {
     }
 
     /// Returns |r - P_K(r - (u + mu |u_t| n))| / |q|, the natural map with a step of one (kg), as
-    /// measured by FCLIB and Siconos (Acary, Bremond and Huber 2018). It is not divided if q is
-    /// zero.
+    /// measured by FCLIB and Siconos (Acary, Bremond and Huber 2018). For rows of joints it is the
+    /// change of r by a visit with that step. It is not divided if q is zero.
     pub fn natural_map(&self, r: &[f64]) -> f64 {
         let size = norm(&self.offset);
         let error = norm(&self.natural(r, |_| 1.0));
@@ -285,24 +341,28 @@ impl Problem {
     /// Returns the natural map relative to |r|, with the step 1 / (mean diagonal entry of W) for
     /// each contact. It does not depend on units. It is not divided if r is zero.
     pub fn scaled_natural_map(&self, r: &[f64]) -> f64 {
-        let step = |contact: usize| {
-            let first = self.dimension * contact;
-            let rows = first..first + self.dimension;
+        let step = |rows: Range<usize>| {
+            let count = rows.len() as f64;
             let sum: f64 = rows.map(|i| self.matrix.get(i, i).copied().unwrap_or(0.0)).sum::<f64>();
-            if sum > 0.0 { self.dimension as f64 / sum } else { 1.0 }
+            if sum > 0.0 { count / sum } else { 1.0 }
         };
         let (error, size) = (norm(&self.natural(r, step)), norm(r));
         or_infinite(if size > 0.0 { error / size } else { error })
     }
 
-    /// Returns r - P_K(r - step (u + mu |u_t| n)).
-    fn natural(&self, r: &[f64], step: impl Fn(usize) -> f64) -> Vec<f64> {
+    /// Returns r - P_K(r - step (u + mu |u_t| n)), where `step` returns that of some unknowns.
+    fn natural(&self, r: &[f64], step: impl Fn(Range<usize>) -> f64) -> Vec<f64> {
         let d = self.dimension;
-        let mut y = self.velocities(r);
-        for (i, (y, r)) in y.chunks_exact_mut(d).zip(r.chunks_exact(d)).enumerate() {
+        let mut velocities = self.velocities(r);
+        let first = self.offset.len() - self.rows.len();
+        let (contacts, rows) = velocities.split_at_mut(first);
+        for (i, (y, &r)) in rows.iter_mut().zip(&r[first..]).enumerate() {
+            *y = r - self.rows[i].visit(step(first + i..first + i + 1), *y, r);
+        }
+        for (i, (y, r)) in contacts.chunks_exact_mut(d).zip(r.chunks_exact(d)).enumerate() {
             let slip = norm(&y[1..]);
             y[0] += self.friction[i] * slip;
-            let step = step(i);
+            let step = step(d * i..d * (i + 1));
             for k in 0..d {
                 y[k] = r[k] - step * y[k];
             }
@@ -311,7 +371,7 @@ impl Problem {
                 y[k] = r[k] - y[k];
             }
         }
-        y
+        velocities
     }
 
     /// Returns the largest |min(z_i, s w_i)| with w = M z + q and s = 1 / max |M|, relative to s
@@ -331,11 +391,16 @@ impl Problem {
         or_infinite((error / pushed - rounding).max(0.0))
     }
 
-    /// Returns the largest |min(z_i, s w_i)|, with w = M z + q.
+    /// Returns the largest |min(z_i, s w_i)|, with w = M z + q; for rows of joints the largest
+    /// change of z by a visit with the step s.
     pub fn natural_error(&self, z: &[f64], s: f64) -> f64 {
         let w = self.velocities(z);
-        let error = z.iter().zip(&w).fold(0.0f64, |worst, (&z, &w)| {
-            let error = z.min(s * w).abs();
+        let first = self.offset.len() - self.rows.len();
+        let error = z.iter().zip(&w).enumerate().fold(0.0f64, |worst, (i, (&z, &w))| {
+            let error = match i.checked_sub(first) {
+                None => z.min(s * w).abs(),
+                Some(row) => (z - self.rows[row].visit(s, w, z)).abs(),
+            };
             // `max` would drop NaN.
             if error >= worst || error.is_nan() || worst.is_nan() { error } else { worst }
         });

@@ -10,6 +10,7 @@
 //!
 //! r_n = max(0, y_n), r_t = y_t projected onto the disc of radius mu max(0, y_n).
 //!
+//! Rows of joints have r = clamp(max(0, r - rho (u - t-)) + min(0, r - rho (u - t+)), lo, hi).
 //! Each contact is in one of three cases: open, sticking, sliding. A line search on |F|^2 guards
 //! the steps. Where it fails, Gauss-Seidel sweeps on the shifted problem provide a new start.
 //!
@@ -22,8 +23,9 @@
 use super::Problem;
 use super::block_gauss_seidel::Sweeper;
 use super::block_lu::BlockLu;
-use super::blocks::{Block, Blocks, split};
+use super::blocks::{Block, Blocks, joined, laws, split};
 use super::outcome::{Limits, Outcome, Progress, Status};
+use crate::law::Interval;
 
 /// First, smallest and largest alpha, relative to the mean diagonal entry of W.
 const SHIFT: (f64, f64, f64) = (1e-4, 1e-11, 1e2);
@@ -61,14 +63,13 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     if !scale.is_finite() || scale <= 0.0 {
         scale = super::problem::largest(problem.matrix().val()).max(f64::MIN_POSITIVE);
     }
-    let friction = problem.friction();
-    let mut sweeper = Sweeper::new(&blocks, &offset, friction);
+    let mut sweeper = Sweeper::new(&blocks, &offset, problem);
     let mut newton =
-        Newton { blocks: &blocks, offset: &offset, friction, lu: BlockLu::new(&blocks) };
+        Newton { blocks: &blocks, offset: &offset, problem, lu: BlockLu::new(&blocks) };
     let mut r = split::<D>(&start);
     if let (None, Some(sweeper)) = (warm, &mut sweeper) {
         (0..SWEEPS).for_each(|_| _ = sweeper.sweep(&mut r, 0.0, &[]));
-        progress.record(r.as_flattened());
+        progress.record(joined(&r, problem));
     }
     let mut shift = Shift { alpha: SHIFT.0, least: SHIFT.1 };
     let (mut mark, mut idle) = (f64::INFINITY, 0);
@@ -93,7 +94,7 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
             }
             if let Some(sweeper) = &mut sweeper {
                 (0..SWEEPS).for_each(|_| _ = sweeper.sweep(&mut r, shift.alpha * scale, &center));
-                progress.record(r.as_flattened());
+                progress.record(joined(&r, problem));
             }
         }
         idle += 1;
@@ -128,8 +129,19 @@ impl Shift {
 struct Newton<'a, const D: usize> {
     blocks: &'a Blocks<D>,
     offset: &'a [[f64; D]],
-    friction: &'a [f64],
+    problem: &'a Problem,
     lu: BlockLu<D>,
+}
+
+/// The equations of a block at a given r.
+struct Equation<const D: usize> {
+    /// F.
+    error: [f64; D],
+    /// C and E, from the derivative C (W + alpha)_i + E.
+    by: Block<D>,
+    plus: Block<D>,
+    /// Right-hand side of Newton's equations.
+    wanted: [f64; D],
 }
 
 /// The equations of Alart and Curnier at a given r.
@@ -184,7 +196,7 @@ impl<const D: usize> Newton<'_, D> {
             };
             (*r, image, equations) = (trial, moved, at);
             merits.push(equations.merit);
-            progress.record(r.as_flattened());
+            progress.record(joined(r, self.problem));
             if progress.converged() {
                 return true;
             }
@@ -229,14 +241,21 @@ impl<const D: usize> Newton<'_, D> {
                 u[k] += self.offset[i][k] + alpha * (r[i][k] - center[i][k]);
             }
             let diagonal = self.blocks.diagonal(i);
-            let tangential: f64 =
-                (1..D).map(|k| diagonal[k][k]).sum::<f64>() / (D - 1).max(1) as f64;
-            let steps = [diagonal[0][0], tangential].map(|w| 1.0 / (w.max(0.0) + alpha));
-            let (error, by, plus, wanted) = contact(&r[i], &u, self.friction[i], steps);
-            let square: f64 = error.iter().map(|x| x * x).sum();
-            merit += square / steps[0];
-            rows.push((by, plus));
-            rhs.push(wanted);
+            let equation = if let Some(laws) = laws::<D>(self.problem, i) {
+                let steps = std::array::from_fn(|k| 1.0 / (diagonal[k][k].max(0.0) + alpha));
+                let equation = joint_rows(&r[i], &u, laws, steps);
+                merit += equation.error.iter().zip(steps).map(|(x, s)| x * x / s).sum::<f64>();
+                equation
+            } else {
+                let tangential: f64 =
+                    (1..D).map(|k| diagonal[k][k]).sum::<f64>() / (D - 1).max(1) as f64;
+                let steps = [diagonal[0][0], tangential].map(|w| 1.0 / (w.max(0.0) + alpha));
+                let equation = contact(&r[i], &u, self.problem.friction()[i], steps);
+                merit += equation.error.iter().map(|x| x * x).sum::<f64>() / steps[0];
+                equation
+            };
+            rows.push((equation.by, equation.plus));
+            rhs.push(equation.wanted);
         }
         Equations { rows, rhs, merit }
     }
@@ -283,14 +302,39 @@ fn along<const D: usize>(r: &[[f64; D]], by: &[[f64; D]], length: f64) -> Vec<[f
     r.iter().zip(by).map(one).collect()
 }
 
-/// Returns F of one contact, C and E of its derivative, and the right-hand side of Newton's
-/// equations.
+/// Returns the equations of a block of rows of joints. Unknowns that fill up the block stay 0.
+fn joint_rows<const D: usize>(
+    r: &[f64; D],
+    u: &[f64; D],
+    laws: &[Interval<f64>],
+    steps: [f64; D],
+) -> Equation<D> {
+    let (mut error, mut by, mut plus) = (*r, [[0.0; D]; D], [[0.0; D]; D]);
+    for k in 0..D {
+        let Some(law) = laws.get(k) else {
+            plus[k][k] = 1.0;
+            continue;
+        };
+        let (next, [lo, hi]) = (law.visit(steps[k], u[k], r[k]), law.bounds);
+        error[k] = r[k] - next;
+        // In the slack between two targets, and at a bound, the impulse does not follow u.
+        let in_slack = next == 0.0 && law.targets[0] < law.targets[1];
+        if lo < next && next < hi && !in_slack {
+            by[k][k] = steps[k];
+        } else {
+            plus[k][k] = 1.0;
+        }
+    }
+    Equation { error, by, plus, wanted: error.map(|x| -x) }
+}
+
+/// Returns the equations of a contact.
 fn contact<const D: usize>(
     r: &[f64; D],
     u: &[f64; D],
     friction: f64,
     steps: [f64; 2],
-) -> ([f64; D], Block<D>, Block<D>, [f64; D]) {
+) -> Equation<D> {
     let step = |k: usize| steps[k.min(1)];
     let y: [f64; D] = std::array::from_fn(|k| r[k] - step(k) * u[k]);
     let (mut by, mut plus) = ([[0.0; D]; D], [[0.0; D]; D]);
@@ -298,7 +342,7 @@ fn contact<const D: usize>(
         for k in 0..D {
             plus[k][k] = 1.0;
         }
-        return (*r, by, plus, r.map(|r| -r));
+        return Equation { error: *r, by, plus, wanted: r.map(|r| -r) };
     }
     by[0][0] = steps[0];
     let mut error: [f64; D] = std::array::from_fn(|k| step(k) * u[k]);
@@ -309,7 +353,7 @@ fn contact<const D: usize>(
         for k in 1..D {
             by[k][k] = steps[1];
         }
-        return (error, by, plus, wanted);
+        return Equation { error, by, plus, wanted };
     }
     for k in 1..D {
         let direction = |k: usize| if length > 0.0 { y[k] / length } else { 0.0 };
@@ -325,5 +369,5 @@ fn contact<const D: usize>(
             by[k][l] = steps[1] * turn;
         }
     }
-    (error, by, plus, wanted)
+    Equation { error, by, plus, wanted }
 }

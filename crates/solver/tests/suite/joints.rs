@@ -92,7 +92,7 @@ fn random_axis<const L: usize, const A: usize>(
     axis
 }
 
-fn random_system<const L: usize, const A: usize>(seed: u64) -> System<f64, L, A> {
+pub(crate) fn random_system<const L: usize, const A: usize>(seed: u64) -> System<f64, L, A> {
     let random = &mut Random(seed);
     let recipe = Recipe {
         bodies: 3 + random.below(8),
@@ -111,7 +111,7 @@ fn random_system<const L: usize, const A: usize>(seed: u64) -> System<f64, L, A>
 }
 
 /// Returns sqrt((v - w) . M (v - w) / m). \[m/s\]
-fn apart<const L: usize, const A: usize>(
+pub(crate) fn apart<const L: usize, const A: usize>(
     system: &System<f64, L, A>,
     v: &[Velocity<f64, L, A>],
     w: &[Velocity<f64, L, A>],
@@ -384,6 +384,4 @@ fn a_method_without_joints_refuses_them() {
     let mut system = random_system::<3, 3>(5);
     let goal = Goal { tolerance: 1e-6, budget: 10 };
     assert_eq!(apgd::solve(&mut system, &goal).status, Status::BadInput);
-    #[cfg(feature = "assembled")]
-    assert_eq!(drystone_solver::proximal::solve(&mut system, &goal).status, Status::BadInput);
 }

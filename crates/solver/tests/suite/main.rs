@@ -5,6 +5,8 @@
 mod common;
 
 #[cfg(feature = "assembled")]
+mod assembled_joints;
+#[cfg(feature = "assembled")]
 mod assembly;
 mod certificate;
 #[cfg(feature = "assembled")]
