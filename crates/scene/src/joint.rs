@@ -47,8 +47,8 @@ pub enum Coordinate {
     Angle,
     /// Rotation about x: the twist of the swing-twist decomposition. It counts turns. \[rad\]
     Twist,
-    /// Inclination of the x axis by rotation about axis 1 or 2 of frame b, the other swing left
-    /// out: asin of its component. \[rad\]
+    /// Inclination of the x axis by rotation about axis 1 or 2 of frame b: 2 atan2(q_i, q_w) of the
+    /// shortest rotation q that takes x to where it is. \[rad\]
     Swing(usize),
     /// Angle between the two x axes. \[rad\]
     Cone,

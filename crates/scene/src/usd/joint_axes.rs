@@ -404,11 +404,10 @@ fn doubts(joint: &JointPrim<'_>, axes: &Axes, warnings: &mut Vec<Warning>) {
                     and rotZ as the swings about y and z";
         joint.stage.warn(joint.prim, what, warnings);
     }
-    let right = std::f64::consts::FRAC_PI_2;
-    let is_beyond = |x: &f64| x.is_finite() && x.abs() > right * (1.0 + SLACK);
+    let is_beyond = |x: &f64| x.is_finite() && x.abs() > std::f64::consts::PI * (1.0 + SLACK);
     let beyond = |axis: &JointAxis| axis.limits.is_some_and(|limits| limits.iter().any(is_beyond));
     if turns.skip_while(|axis| axis.coordinate == Coordinate::Twist).any(beyond) {
-        let what = "a limit of a swing beyond 90 degrees does not act";
+        let what = "a limit of a swing beyond 180 degrees does not act";
         joint.stage.warn(joint.prim, what, warnings);
     }
 }

@@ -7,7 +7,8 @@
 //! ```text
 //! linear      dp/dt     = v_a(x_a) - v_b(x_a)            both bodies at the origin of frame a
 //! twist       dq/dt     = omega . (x + e) / (1 + x . e)  omega: rotation of a relative to b
-//! swing       dq/dt     = omega . (m x e) / cos q        m: the other axis of b
+//! swing       dq/dt     = 2 (c de_m/dt - e_m dc/dt) / (c^2 + e_m^2)   c = 1 + x . e,  m: the other
+//!                                                        axis of b,  de/dt = omega x e
 //! cone        dq/dt     = omega . (x x e) / sin q
 //! ```
 //!
@@ -352,9 +353,10 @@ fn of_direction(coordinate: &Coordinate, e: Vec3) -> (f64, Wrench) {
         Coordinate::Swing(about) => {
             // About y the x axis falls along z, about z it rises along y.
             let (component, sign) = if about == 1 { (2, -1.0) } else { (1, 1.0) };
-            let value = libm::asin(e[component].clamp(-1.0, 1.0)) * sign;
-            let cosine = libm::cos(value).max(1e-3);
-            angular(value, cross(e, unit(component)) * (sign / cosine))
+            let (own, c) = (e[component] * sign, 1.0 + e[0]);
+            let rate = cross(e, unit(component)) * (sign * c) - cross(e, X) * own;
+            let value = 2.0 * libm::atan2(own, c);
+            angular(value, rate * (2.0 / (c * c + own * own).max(SINGULAR)))
         }
         Coordinate::EllipticCone([about_y, about_z]) => {
             let angle = libm::atan2(sine, X.dot(e));

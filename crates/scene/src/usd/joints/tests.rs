@@ -258,10 +258,10 @@ fn a_general_joint_that_turns_about_one_axis_is_a_hinge() {
     assert_eq!(limits(&hinge)[..2], [locks(&POINT[..1]), vec![(Coordinate::Twist, None)]].concat());
     assert_eq!(limits(&hinge)[2..], locks(&TURN[1..]));
     // Several wide rotations have no definition in UsdPhysics.
-    let wide = "float limit:rotX:physics:high = 10\nfloat limit:rotY:physics:high = 100";
+    let wide = "float limit:rotX:physics:high = 10\nfloat limit:rotY:physics:high = 190";
     let (_, told) = told(&joint("", &schemas[..2], wide));
     assert!(told.contains("several rotations have limits or drives"), "{told}");
-    assert!(told.contains("beyond 90 degrees does not act"), "{told}");
+    assert!(told.contains("beyond 180 degrees does not act"), "{told}");
 }
 
 /// Drives convert degrees, lengths and masses; those of acceleration have no mass.

@@ -186,6 +186,28 @@ fn a_spring_swings_and_fades_as_its_equation() {
     }
 }
 
+/// 1 kg half a meter from a hinge is slowed by its damping, whatever its moment about its own center:
+/// the hinge makes it heavier than a free body. I dw/dt = -d w with I = 0.25 m + I_0.
+#[test]
+fn damping_slows_what_locks_hold() {
+    for preset in Preset::both() {
+        for (own, stiffness) in [(0.01, 1e-3), (0.001, 1e-3), (0.001, 0.0)] {
+            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let mut body = ghost([0.5, 0.0, 0.0], inertia(1.0, [own; 3]));
+            body.velocity.linear = Vector([0.0, 0.5, 0.0]);
+            body.velocity.angular = Vector([0.0, 0.0, 1.0]);
+            let body = world.add(body).unwrap();
+            let hinge = Joint::hinge([Some(body), None]).at([0.0; 3]).about([0.0, 0.0, 1.0]);
+            let hinge = world.join(hinge.drive(Drive::spring(0.0, stiffness, 1.0))).unwrap();
+            run(&mut world, 0.5);
+            let moment = 0.25 + own;
+            let expected = moment * (1.0 - (-0.5f64 / moment).exp());
+            let angle = world.joint(hinge).unwrap().values[0];
+            preset.check(&format!("damped with {own} kg m^2, {stiffness} N m"), angle, expected);
+        }
+    }
+}
+
 /// 1 kg on a spring without damping, along the line of two points, keeps its amplitude.
 #[test]
 fn a_spring_without_damping_keeps_its_energy() {
