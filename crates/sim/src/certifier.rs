@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::StepSettings;
 
-/// A contact that misses its target by more than this after a step may be jammed. Bodies at rest on
+/// A contact or a joint that misses its target by more than this may be jammed. Bodies at rest on
 /// soft contacts miss theirs by less. \[m/s\]
-const MISSED: f64 = 0.1;
+pub(crate) const MISSED: f64 = 0.1;
 
 /// Largest number of steps between searches for jams that find none.
 const LONGEST_WAIT: u32 = 64;
@@ -180,6 +180,19 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         }
         lanes.unpack(system);
         let jams = jam::find(system, &mut self.islands, MISSED, self.jam_schedule.searches);
+        self.jam_schedule.begin(jams.is_empty());
+        jams
+    }
+
+    /// Returns the contacts and joints whose targets no velocities can meet, in a system that is not
+    /// relaxed yet. After a search that finds none, it skips some steps.
+    pub(crate) fn joint_jams(&mut self, system: &System<f64, L, A>) -> Vec<Jam> {
+        if !self.jam_schedule.is_over() {
+            return Vec::new();
+        }
+        // The certificates need the islands of the part.
+        let mut islands = Islands::default();
+        let jams = jam::find(system, &mut islands, MISSED, self.jam_schedule.searches);
         self.jam_schedule.begin(jams.is_empty());
         jams
     }

@@ -42,6 +42,7 @@ mod ids;
 mod input;
 mod joining;
 mod joint;
+mod joint_jams;
 mod joint_stages;
 mod joints;
 mod ledger;

@@ -106,9 +106,9 @@ pub struct StepReport {
     pub certified: Option<SolveReport>,
     /// Energy balance of the step. `None` unless the setting `ledger` is on.
     pub energy: Option<Ledger>,
-    /// Contacts whose targets no velocities can meet, in the last part of the step. Empty unless
-    /// the setting `certify` is on. Bodies are slots of the world. Contacts are those of
-    /// [`World::system`](crate::World::system).
+    /// Contacts and joints whose targets no velocities can meet, in the last part of the step. Empty
+    /// unless the setting `certify` is on. Bodies and joints are slots of the world. Contacts are
+    /// those of [`World::system`](crate::World::system).
     pub jams: Vec<Jam>,
     /// Largest miss of a joint's locks and limits after the step: of positions \[m\] and of
     /// rotations \[rad\].

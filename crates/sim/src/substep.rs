@@ -240,6 +240,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         timer.lap(Stage::WarmStart);
         let with_residuals = plan.certified_substep == Some(substep);
         self.solve(plan, (substep, turning), with_residuals, timer, report);
+        let searched = with_residuals && self.find_joint_jams(report);
+        if with_residuals {
+            timer.lap(Stage::Certify);
+        }
         if plan.ledger {
             self.account(|ledger, solver, _| ledger.record_solution(&solver.system));
         }
@@ -269,7 +273,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.record(substep + 1 == params.substeps);
         }
         timer.lap(Stage::Relax);
-        if with_residuals {
+        if with_residuals && !searched {
             self.find_jams(report);
             timer.lap(Stage::Certify);
         }

@@ -100,7 +100,7 @@ impl<const L: usize, const A: usize> SubSystem<L, A> {
     }
 
     /// Copies a joint of the whole system into the part.
-    fn add_joint<T: Scalar>(&mut self, whole: &System<T, L, A>, index: usize) {
+    pub(crate) fn add_joint<T: Scalar>(&mut self, whole: &System<T, L, A>, index: usize) {
         let mut joint = whole.joints[index];
         joint.bodies = joint.bodies.map(|body| self.admit(whole, body));
         joint.first = self.system.axes.len() as u32;

@@ -74,15 +74,21 @@ pub(super) fn wedged(scene: &Scene, jams: &[Jam]) -> Vec<Finding> {
     let finding = |jam: &Jam| {
         let bodies: Vec<usize> = jam.bodies.iter().map(|&body| body as usize).collect();
         let names: Vec<_> = bodies.iter().map(|&body| scene.name_of(body)).collect();
+        let joints = jam.joints.iter().map(|&joint| scene.joint_name_of(joint as usize));
+        let joints: Vec<_> = joints.collect();
+        let with = match joints.as_slice() {
+            [] => "contacts".to_owned(),
+            _ => format!("contacts and joints ({})", joints.join(", ")),
+        };
         Finding {
             kind: FindingKind::Wedged,
             bodies,
-            joint: None,
+            joint: jam.joints.first().map(|&joint| joint as usize),
             value: Some(jam.missing),
             limit: Some(MISSED),
             what: format!(
-                "{} are wedged: no velocities satisfy their contacts, which miss their targets by \
-                 {:.2} m/s",
+                "{} are wedged: no velocities satisfy their {with}, which miss their targets by {:.2} \
+                 m/s",
                 names.join(", "),
                 jam.missing
             ),

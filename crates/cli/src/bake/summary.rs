@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use drystone::{Ledger, Measure, StepSettings};
+use drystone::{Jam, Ledger, Measure, StepSettings};
 use drystone_bake::audit::{Audit, Overlap, audit, gained_most};
 use drystone_bake::recording::journal::Step;
 use drystone_scene::{BodiesAs, Body, Joint, Motion, Scene, SurfaceVelocity};
@@ -78,6 +78,9 @@ pub(super) struct Summary {
     /// Bodies in jammed contacts, whose targets no velocities can meet; each with its first such
     /// step.
     jammed: BTreeMap<u32, usize>,
+    /// Joints in jams, likewise.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    jammed_joints: BTreeMap<u32, usize>,
     /// Speed of the fastest body at the end. \[m/s\]
     fastest: f64,
     fastest_body: Option<usize>,
@@ -225,9 +228,8 @@ fn times(steps: &[Step]) -> Vec<f64> {
 impl Summary {
     /// Summarizes a run.
     pub(super) fn new(scene: &Scene, bake: &Bake, masses: &[f64]) -> Self {
-        let audit = audit_of(scene, bake);
+        let (audit, steps) = (audit_of(scene, bake), &bake.steps);
         let count = |motion| scene.bodies.iter().filter(|body| body.motion == motion).count();
-        let steps = &bake.steps;
         let last_second = ((1.0 / scene.time_step).round() as usize).clamp(1, steps.len().max(1));
         let settled = &steps[steps.len().saturating_sub(last_second)..];
         let contacts = || steps.iter().map(|step| step.report.contacts);
@@ -274,7 +276,8 @@ impl Summary {
             residual_worst: largest(&mut steps.iter().map(|step| step.measure.residual)),
             residual_last: end.residual,
             certified: certified(bake),
-            jammed: jammed(bake),
+            jammed: jammed(bake, |jam| &jam.bodies),
+            jammed_joints: jammed(bake, |jam| &jam.joints),
             fastest: end.fastest,
             fastest_body: moving_body(bake.moved_most(scene, 1)),
             moved: moving.map_or(0.0, |(_, distance)| distance),
@@ -545,8 +548,15 @@ impl Summary {
         let first = *self.jammed.values().min()?;
         let bodies: Vec<usize> = self.jammed.keys().map(|&body| body as usize).collect();
         let named = names(scene, &bodies);
+        let joints = self.jammed_joints.keys().map(|&joint| scene.joint_name_of(joint as usize));
+        let joints: Vec<_> = joints.collect();
+        let of = match joints.len() {
+            0 => "contacts".to_owned(),
+            1 => format!("contacts and of joint {}", joints[0]),
+            _ => format!("contacts and of joints {}", first_few(&joints)),
+        };
         Some(format!(
-            "jammed from step {first}: {named}; no velocities satisfy the targets of their contacts"
+            "jammed from step {first}: {named}; no velocities satisfy the targets of their {of}"
         ))
     }
 
@@ -609,17 +619,22 @@ fn energy_summary(bake: &Bake) -> Option<EnergySummary> {
 
 /// Names the first few bodies and counts the rest.
 fn names(scene: &Scene, bodies: &[usize]) -> String {
-    let named: Vec<_> = bodies.iter().take(NAMED).map(|&body| scene.name_of(body)).collect();
-    let more = bodies.len().saturating_sub(NAMED);
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-    format!("{}{more}", named.join(", "))
+    first_few(&bodies.iter().map(|&body| scene.name_of(body)).collect::<Vec<_>>())
 }
 
-fn jammed(bake: &Bake) -> BTreeMap<u32, usize> {
+/// Lists the first few names and counts the rest.
+fn first_few(names: &[String]) -> String {
+    let more = names.len().saturating_sub(NAMED);
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    format!("{}{more}", names[..names.len().min(NAMED)].join(", "))
+}
+
+/// Returns the bodies or the joints of jams, each with its first step.
+fn jammed(bake: &Bake, of: impl Fn(&Jam) -> &[u32]) -> BTreeMap<u32, usize> {
     let mut first = BTreeMap::new();
-    for (step, of) in bake.steps.iter().enumerate() {
-        for body in of.report.jams.iter().flat_map(|jam| &jam.bodies) {
-            first.entry(*body).or_insert(step + 1);
+    for (step, taken) in bake.steps.iter().enumerate() {
+        for index in taken.report.jams.iter().flat_map(&of) {
+            first.entry(*index).or_insert(step + 1);
         }
     }
     first

@@ -108,7 +108,7 @@ fn wrong_rows_of_joints_are_refused() {
     let place = Place::new(SCENE);
     place.succeeds(&["bake", "scene.toml", "--dump-step", "1", "--dump", "a.json"]);
     let saved = json_in(&place, "a.json");
-    let mut refused = |key: &str, value: Value| {
+    let refused = |key: &str, value: Value| {
         let mut wrong = saved.clone();
         wrong["joint_rows"][key] = value;
         fs::write(place.path("b.json"), wrong.to_string()).unwrap();
@@ -163,4 +163,37 @@ fn joints_are_drawn_beside_contacts() {
     place.succeeds(&["matrix", "scene.toml", "-o", "a.svg"]);
     let svg = fs::read_to_string(place.path("a.svg")).unwrap();
     assert!(svg.contains("0 contacts and 12 rows of joints"), "{svg}");
+}
+
+/// A loop of bars of 1, 1 and 3 m.
+#[test]
+fn bars_that_cannot_close_are_named() {
+    let bar = |name: &str, x: f64, half: f64| {
+        format!(
+            "[[bodies]]\nname = \"{name}\"\nposition = [{x}, 0, 0]\n\
+             shapes = [{{ type = \"box\", half_extents = [{half}, 0.05, 0.05] }}]\n"
+        )
+    };
+    let joint = |name: &str, bodies: [&str; 2], [a, b]: [f64; 2]| {
+        format!(
+            "[[joints]]\ntype = \"ball\"\nname = \"{name}\"\nbodies = {bodies:?}\n\
+             anchors = [[{a}, 0, 0], [{b}, 0, 0]]\n"
+        )
+    };
+    let scene = [
+        "duration = 0.2\ngravity = [0, 0, 0]\n".to_owned(),
+        bar("one", 0.5, 0.5),
+        bar("two", 1.5, 0.5),
+        bar("long", 1.5, 1.5),
+        joint("knee", ["one", "two"], [0.5, -0.5]),
+        joint("left end", ["one", "long"], [-0.5, -1.5]),
+        joint("right end", ["two", "long"], [0.5, 1.5]),
+    ];
+    let place = Place::new(&scene.concat());
+    let text = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
+    let said = "jammed from step 1: 'one', 'two', 'long'; no velocities satisfy the targets of \
+                their contacts and of joints 'knee', 'left end', 'right end'";
+    assert!(text.contains(said), "{text}");
+    let report = json_in(&place, "r.json");
+    assert_eq!(report["summary"]["jammed_joints"], json!({ "0": 1, "1": 1, "2": 1 }));
 }

@@ -3,7 +3,7 @@
 use crate::common::*;
 use drystone::Dimension;
 use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
-use drystone::{BodyId, Motion, StepReport, World, World3};
+use drystone::{BodyId, Drive, Joint, Motion, StepReport, World, World3};
 use drystone_solver::Vector;
 
 /// Takes steps, after each of which all values are finite. Returns the bodies that were jammed in
@@ -185,4 +185,89 @@ fn overlap_at_the_start_is_not_a_jam() {
         world.add(dynamic([x, 0.5, 0.0], Rigid3::cuboid([0.5; 3]), &material)).unwrap();
     }
     assert_eq!(jammed(&mut world, 60), Vec::<u32>::new());
+}
+
+/// Joins two bodies at points of both, given in their frames along x.
+fn joined_at<G: Rigid<L, A>, const L: usize, const A: usize>(
+    bodies: [BodyId; 2],
+    points: [f32; 2],
+) -> Joint<G, L, A> {
+    let pose = |x: f32| G::pose(Vector(v(x, 0.0, 0.0)), &[]);
+    Joint::ball(bodies.map(Some)).in_bodies(points.map(pose))
+}
+
+/// Closes a loop of bars of 1, 1 and 3 m, which is drawn together beside a free pendulum.
+fn open_loop<G: Rigid<L, A>, const L: usize, const A: usize>(tolerance: f32) {
+    let material = surface(0.3, 0.0);
+    let mut world = weightless::<G, L, A>();
+    world.settings.tolerance = tolerance;
+    let mut bar = |x: f32, length: f32| {
+        let shape = G::cuboid(v(0.5 * length, 0.05, 0.05));
+        world.add(dynamic(v(x, 0.0, 0.0), shape, &material)).unwrap()
+    };
+    let bars = [bar(0.5, 1.0), bar(1.5, 1.0), bar(1.5, 3.0)];
+    let others = [bar(10.5, 1.0), bar(11.5, 1.0)];
+    let ends = [([0, 1], [0.5, -0.5]), ([0, 2], [-0.5, -1.5]), ([1, 2], [0.5, 1.5])];
+    let hold = joined_at::<G, L, A>(others, [0.5, -0.5]);
+    world.join(hold).unwrap();
+    let joints = ends.map(|(pair, points)| {
+        let joint = joined_at::<G, L, A>(pair.map(|bar: usize| bars[bar]), points);
+        world.join(joint).unwrap().index() as u32
+    });
+    world.settings.certify = true;
+    for step in 0..20 {
+        let jams = world.step(DT).unwrap().jams;
+        let [jam] = &jams[..] else { panic!("{L}D, step {step}: {jams:?}") };
+        assert_eq!(jam.bodies, indices(&bars), "{L}D, step {step}");
+        assert_eq!(jam.joints, joints, "{L}D, step {step}");
+        assert!(jam.contacts.is_empty() && jam.missing > 0.1, "{L}D, step {step}: {jam:?}");
+    }
+}
+
+/// Bars in a loop that their lengths cannot close are reported as jammed, with their joints.
+#[test]
+fn bars_that_cannot_close_are_jammed() {
+    for tolerance in [0.0, 1e-3] {
+        open_loop::<Rigid2, 2, 1>(tolerance);
+        open_loop::<Rigid3, 3, 3>(tolerance);
+    }
+}
+
+/// Joints that pull against each other, or come together from afar, are not jammed: springs between
+/// two anchors, a redundant four-bar linkage that turns, and a pendulum beside its anchor.
+#[test]
+fn joints_under_load_are_not_jammed() {
+    let material = surface(0.3, 0.0);
+    let mut world: World3 = world();
+    let shape = || Rigid3::cuboid([0.5, 0.05, 0.05]);
+    let held = world.add(dynamic([0.0; 3], shape(), &material)).unwrap();
+    for x in [-2.0f32, 2.0] {
+        let frames =
+            [Rigid3::pose(Vector([0.0; 3]), &[]), Rigid3::pose(Vector([x, 0.0, 0.0]), &[])];
+        let spring = Joint::spring([Some(held), None], Drive::spring(0.1, 1e5, 10.0));
+        world.join(spring.in_bodies(frames)).unwrap();
+    }
+    let at = |x: f32, y: f32| [10.0 + x, y, 0.0];
+    let mut upright = |x: f32| {
+        let body = dynamic(at(x, 0.5), Rigid3::cuboid([0.05, 0.5, 0.05]), &material);
+        world.add(moving(body, [2.0, 0.0, 0.0])).unwrap()
+    };
+    let [left, right] = [upright(0.0), upright(1.0)];
+    let coupler = dynamic(at(0.5, 1.0), shape(), &material);
+    let coupler = world.add(moving(coupler, [4.0, 0.0, 0.0])).unwrap();
+    for (bodies, x, y) in [
+        ([Some(left), None], 0.0, 0.0),
+        ([Some(right), None], 1.0, 0.0),
+        ([Some(coupler), Some(left)], 0.0, 1.0),
+        ([Some(coupler), Some(right)], 1.0, 1.0),
+    ] {
+        world.join(Joint::hinge(bodies).at(at(x, y)).about([0.0, 0.0, 1.0])).unwrap();
+    }
+    let away = world.add(dynamic([20.0, 0.0, 0.0], shape(), &material)).unwrap();
+    let frames = [-0.5f32, 19.0].map(|x| Rigid3::pose(Vector([x, 0.0, 0.0]), &[]));
+    world.join(Joint::ball([Some(away), None]).in_bodies(frames)).unwrap();
+    for tolerance in [0.0, 1e-3] {
+        world.settings.tolerance = tolerance;
+        assert_eq!(jammed(&mut world, 60), Vec::<u32>::new());
+    }
 }
