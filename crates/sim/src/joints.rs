@@ -653,7 +653,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.acting.iter().any(|&slot| self.records[slot as usize].breaking != Breaking::NEVER)
     }
 
-    /// Breaks the joints that the solve of a substep loads so much that they will not last the step.
+    /// Breaks the joints that the solve of a substep loads by more than their strength in the step.
     /// Of these it breaks those that are loaded nearly as far beyond their strength as the worst
     /// ([`NEARLY`]): without them others may hold. Returns true if there were any; then the substep
     /// is to be solved again.
@@ -672,10 +672,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 continue;
             }
             let axes = &mechanisms.axes[joint.axes()];
-            let load = record.loaded_by(axes, axes.iter().map(|axis| axis.impulse), arms[index]);
+            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms[index]);
             // The solve may bear up to twice the load of its substep, and relaxing takes it back.
-            let most = 1.0 + params[joint.first as usize].h / *step;
-            shares.push(record.breaking.share(load, *step) / most);
+            let time = step.max(2.0 * params[joint.first as usize].h);
+            shares.push(record.breaking.share(load, time));
             worst = worst.max(shares[index]);
         }
         if worst <= 1.0 {
@@ -687,8 +687,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
             let record = &mut records[slot as usize];
             let axes = &mut mechanisms.axes[joint.axes()];
-            let impulses = axes.iter().map(|axis| axis.impulse);
-            record.load = record.loaded_by(axes, impulses, arms[index]);
+            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms[index]);
+            record.bear(load);
             record.broken = true;
             snapped.push(slot);
             for axis in axes {
@@ -741,7 +741,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         for ((&slot, joint), arm) in acting.iter().zip(&mechanisms.joints).zip(arms) {
             let record = &mut records[slot as usize];
             let impulses = record.states.iter().map(|state| state.solved + state.relaxed);
-            record.load = record.loaded_by(&mechanisms.axes[joint.axes()], impulses, *arm);
+            let load = record.load_by(&mechanisms.axes[joint.axes()], impulses, *arm);
+            record.bear(load);
         }
     }
 
@@ -991,9 +992,14 @@ impl JointRecord {
         [out[0].max(apart.sqrt()), out[1]]
     }
 
-    /// Returns its load in this step after these impulses of its rows, at this arm from the center
-    /// of mass of its first body. \[N s, N m s\]
-    fn loaded_by<const L: usize, const A: usize>(
+    /// Adds to its load in this step.
+    fn bear(&mut self, load: [Vec3; 2]) {
+        self.load.iter_mut().zip(load).for_each(|(sum, own)| *sum += own);
+    }
+
+    /// Returns its load by these impulses of its rows, at this arm from the center of mass of its
+    /// first body. \[N s, N m s\]
+    fn load_by<const L: usize, const A: usize>(
         &self,
         axes: &[Axis<f64, L, A>],
         impulses: impl Iterator<Item = f64>,
@@ -1006,7 +1012,7 @@ impl JointRecord {
             (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] += angular[i]);
         }
         let sign = if self.bodies[0] == WORLD { -1.0 } else { 1.0 };
-        [self.load[0] + pull * sign, self.load[1] + (turn - cross(arm, pull)) * sign]
+        [pull * sign, (turn - cross(arm, pull)) * sign]
     }
 
     /// Returns its bodies, without the world.

@@ -202,7 +202,7 @@ fn damping_slows_what_locks_hold() {
             run(&mut world, 0.5);
             let moment = 0.25 + own;
             let expected = moment * (1.0 - (-0.5f64 / moment).exp());
-            let angle = world.joint(hinge).unwrap().values[0];
+            let angle = value(&world, hinge);
             preset.check(&format!("damped with {own} kg m^2, {stiffness} N m"), angle, expected);
         }
     }
