@@ -204,11 +204,14 @@ fn label(svg: &mut String, ([x, y], size): (Point, f64), weight: &str, text: &st
     );
 }
 
+/// The rows of a joint of two bodies, or of their contacts.
+type Link = (Option<u32>, [Option<u32>; 2]);
+
 /// Draws dynamic bodies as discs. Lines lead from the discs of each pair of bodies to the mean of
 /// their contact points, and to each of their joints. Other bodies are not drawn. Returns the lower
 /// edge.
 fn graph(svg: &mut String, picture: &Picture, left: f64) -> f64 {
-    let mut links: BTreeMap<(Option<u32>, [Option<u32>; 2]), Vec<usize>> = BTreeMap::new();
+    let mut links: BTreeMap<Link, Vec<usize>> = BTreeMap::new();
     for (i, row) in picture.rows.iter().enumerate() {
         let joint = row.joint.as_ref().map(|(joint, _)| *joint);
         links.entry((joint, row.bodies)).or_default().push(i);
