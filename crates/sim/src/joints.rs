@@ -654,7 +654,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 
     /// Breaks the joints that the solve of a substep loads by more than their strength in the step.
-    /// Of these it breaks those that are loaded nearly as far beyond their strength as the worst
+    /// It begins with those that are loaded nearly as far beyond their strength as the worst
     /// ([`NEARLY`]): without them others may hold. Returns true if there were any; then the substep
     /// is to be solved again.
     pub(crate) fn snap(

@@ -14,7 +14,7 @@ pub struct SavedSystem<const L: usize, const A: usize> {
     /// The contacts and joints: prospective velocities, targets, and the impulses of the substep
     /// before as an initial guess that is not applied yet. Body i is slot i of the world.
     pub system: System<f64, L, A>,
-    /// What each joint of the system is.
+    /// Name and rows of each joint of the system.
     pub joints: Vec<SavedJoint>,
     /// Centers of mass, from which the anchors of contacts are measured. \[m\]
     pub positions: Vec<Vector<f32, L>>,

@@ -716,8 +716,9 @@ fn joints_are_reported_and_recorded() {
     assert_eq!(turn(0), 0.0);
     assert!((turn(30) - 1.5).abs() < 0.06, "{}", turn(30));
     let force = |frame: usize, joint: usize| joints.loads[2 * (3 * frame + joint)];
-    // The locks still give way by their stretch.
-    assert!((force(1, 0) / (3.0 * 9.81) - 1.0).abs() < 1e-3, "{}", force(1, 0));
+    // Locks creep by their compliance: 3 kg at 0.086 mm/s, which a step of 1/60 s has not borne.
+    let borne = 3.0 * (9.81 - 0.086e-3 * 60.0);
+    assert!((force(1, 0) - borne).abs() < 0.01, "{}", force(1, 0));
     assert!((force(20, 0) - 9.81).abs() < 0.01 && force(20, 1) == 0.0);
 
     let stage = fs::read_to_string(place.path("a.usda")).unwrap();

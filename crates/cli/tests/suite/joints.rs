@@ -123,7 +123,7 @@ fn wrong_rows_of_joints_are_refused() {
     assert!(refused("t", targets).contains("the law of row 0"));
 }
 
-/// What a file leaves out is named with its number.
+/// Joints that a file leaves out are named, with their number.
 #[test]
 fn left_out_joints_are_named() {
     let place = Place::new(SCENE);

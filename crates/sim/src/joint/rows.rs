@@ -18,7 +18,7 @@
 //! eps = a / (m (1 - a)),        t   = b (q_0 - q) / (1 - a)
 //! ```
 //!
-//! That damping holds too much what locks make heavier. So where h d / m is beyond [`LIGHT`], it is
+//! Its damping holds bodies too much that locks make heavier. So where h d / m is beyond [`LIGHT`], it is
 //! implicit, and the spring as without damping:
 //!
 //! ```text
