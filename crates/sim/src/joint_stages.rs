@@ -139,7 +139,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.solve_aiming(&mut self.bodies.velocities);
     }
 
-    /// Breaks the joints that bear most beyond their strength. Returns true if there were any.
+    /// Breaks the joints that bear more than their strength. Returns true if there were any.
     pub(crate) fn snap_joints(&mut self) -> bool {
         let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
         self.solver.joints.snap(velocities, inverse_masses)

@@ -42,9 +42,6 @@ const MOST_AIMS: usize = 4;
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
-/// Part of the worst overload from which on joints break together. \[1\]
-const NEARLY: f64 = 0.5;
-
 /// Largest miss of a joint at the end of a substep that is solved no more. \[m, or rad\]
 const MOST_MISS: f64 = 1e-5;
 
@@ -122,8 +119,6 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     compliances: Vec<f64>,
     /// By acting joint: the vector from the center of mass of its first body to its frame in a. \[m\]
     arms: Vec<Vec3>,
-    /// By acting joint: its load over that which breaks it ([`snap`](Self::snap)). \[1\]
-    shares: Vec<f64>,
     /// Joints that this step has broken.
     snapped: Vec<u32>,
     /// Length of this step. \[s\]
@@ -654,40 +649,26 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 
     /// Breaks the joints that the solve of a substep loads by more than their strength in the step.
-    /// It begins with those that are loaded nearly as far beyond their strength as the worst
-    /// ([`NEARLY`]): without them others may hold. Returns true if there were any; then the substep
-    /// is to be solved again.
+    /// Returns true if there were any; then the substep is to be solved again.
     pub(crate) fn snap(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         masses: &[InverseMass<f32, L, A>],
     ) -> bool {
-        let Self { mechanisms, records, acting, params, arms, shares, snapped, step, .. } = self;
-        shares.clear();
-        let mut worst = 0.0f64;
-        for (index, (&slot, joint)) in acting.iter().zip(&mechanisms.joints).enumerate() {
-            let record = &records[slot as usize];
+        let Self { mechanisms, records, acting, params, arms, snapped, step, .. } = self;
+        let before = snapped.len();
+        for ((&slot, joint), arm) in acting.iter().zip(&mechanisms.joints).zip(arms) {
+            let record = &mut records[slot as usize];
             if record.broken || record.breaking == Breaking::NEVER || joint.count == 0 {
-                shares.push(0.0);
                 continue;
             }
-            let axes = &mechanisms.axes[joint.axes()];
-            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms[index]);
+            let axes = &mut mechanisms.axes[joint.axes()];
+            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), *arm);
             // The solve may bear up to twice the load of its substep, and relaxing takes it back.
             let time = step.max(2.0 * params[joint.first as usize].h);
-            shares.push(record.breaking.share(load, time));
-            worst = worst.max(shares[index]);
-        }
-        if worst <= 1.0 {
-            return false;
-        }
-        for (index, (&slot, joint)) in acting.iter().zip(&mechanisms.joints).enumerate() {
-            if shares[index] <= (NEARLY * worst).max(1.0) {
+            if record.breaking.share(load, time) <= 1.0 {
                 continue;
             }
-            let record = &mut records[slot as usize];
-            let axes = &mut mechanisms.axes[joint.axes()];
-            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms[index]);
             record.bear(load);
             record.broken = true;
             snapped.push(slot);
@@ -700,7 +681,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 (axis.impulse, axis.law.bounds) = (0.0, [0.0; 2]);
             }
         }
-        true
+        snapped.len() > before
     }
 
     /// Stores the impulses of the solve.

@@ -205,13 +205,15 @@ fn universal_joints_fold_up() {
     }
 }
 
-/// A ball of 50 kg hits a glued wall at 15 m/s: glue breaks, no energy appears, and nothing flies
-/// faster than the ball.
+/// A ball of 50 kg hits glued walls at 15 m/s: glue breaks, no energy appears, and nothing flies
+/// faster than the ball. It breaks through where the glue is weak; locks that held until the end of
+/// the step would throw it back.
 #[test]
 fn a_ball_breaks_a_glued_wall() {
-    for (preset, columns, rows) in
-        [(Preset::bake(), 4, 4), (Preset::real_time(), 4, 4), (Preset::bake(), 8, 6)]
-    {
+    let [bake, real_time] = Preset::both();
+    let small =
+        [1.0, 4.0, 10.0, 20.0].map(|times| [(&bake, 4, 4, times), (&real_time, 4, 4, times)]);
+    for (preset, columns, rows, times) in small.into_iter().flatten().chain([(&bake, 8, 6, 1.0)]) {
         let mut world: World3 = preset.world();
         let floor = Body::new(Motion::Static, [0.0, -0.5, 0.0], Rigid3::cuboid([50.0, 0.5, 50.0]));
         world.add(floor).unwrap();
@@ -227,7 +229,8 @@ fn a_ball_breaks_a_glued_wall() {
             for (other, [x, y]) in left.into_iter().chain(below) {
                 let [at_x, at_y, _] = at(column, row);
                 let glue = Joint::fixed([Some(own), Some(other)]).at([at_x + x, at_y + y, 0.0]);
-                let breaking = Breaking { force: 2000.0, torque: 200.0, ..Breaking::NEVER };
+                let breaking =
+                    Breaking { force: 2000.0 * times, torque: 200.0 * times, ..Breaking::NEVER };
                 world.join(Joint { collide: true, ..glue.breaking(breaking) }).unwrap();
             }
         }
@@ -235,14 +238,18 @@ fn a_ball_breaks_a_glued_wall() {
         let mut ball = dynamic([middle, 0.5, 1.0], Rigid3::ball(0.2), &Material::default());
         ball.inertia = Some(inertia(50.0, [0.8; 3]));
         ball.velocity.linear = Vector([0.0, 0.0, -15.0]);
-        world.add(ball).unwrap();
+        let ball = world.add(ball).unwrap();
         let start = 0.5 * 50.0 * 15.0f64.powi(2);
         let [_, rise] = watch(&mut world, 1.0);
         preset.below("rise of the energy", rise / start, preset.energy);
         preset.below("fastest", world.measure().fastest, 15.0 + ACCELERATION);
         let joints: Vec<_> = world.joints().collect();
         let broken = joints.iter().filter(|&&id| world.joint(id).unwrap().broken).count();
-        println!("{}: {broken} of {} broke", preset.name, joints.len());
+        println!("{}, {times}: {broken} of {} broke", preset.name, joints.len());
+        if times == 1.0 {
+            let through = -f64::from(world.velocity(ball).unwrap().linear[2]);
+            preset.below("speed of a ball behind the wall", 2.0, through);
+        }
         assert!(broken > 0);
     }
 }
