@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::case::Case;
 use crate::engines::{Effort, EngineKind, build};
 use crate::judge::Judge;
-use crate::run::run;
+use crate::run::{run, settled};
 
 /// Answer of a child to the request of a round.
 #[derive(Serialize, Deserialize)]
@@ -36,6 +36,9 @@ pub(crate) struct RunResult {
 pub(crate) struct Judgement {
     /// Deepest overlap in the last quarter; `None` if a pose was not finite. \[m\]
     pub(crate) depth: Option<f64>,
+    /// Largest miss of a joint in the whole run and in its last quarter, if there are joints; not
+    /// finite if a pose was not. \[m\]
+    pub(crate) gaps: Option<[f64; 2]>,
     /// Fraction of the bodies that stand where they started. \[1\]
     pub(crate) standing: f64,
     /// True if the scene is built to stand still.
@@ -75,19 +78,28 @@ fn round(
 ) -> Result<RunResult, String> {
     let mut engine =
         build(kind, &case.scene, effort, threads).map_err(|refusal| refusal.to_string())?;
-    let run = run(case, &mut *engine, threads, |_, _| {}).map_err(|refusal| refusal.to_string())?;
-    let judgement = if first {
-        let judge = Judge::new(&case.scene)?;
+    let judge = if first { Some(Judge::new(&case.scene)?) } else { None };
+    let watched = judge.as_ref().filter(|_| !case.scene.joints.is_empty());
+    let (mut gaps, mut poses) = ([0.0f64; 2], Vec::new());
+    let run = run(case, &mut *engine, threads, |step, engine| {
+        let Some(judge) = watched else { return };
+        poses.clear();
+        engine.write_poses(&mut poses);
+        let gap = judge.gap(&poses).unwrap_or(f64::INFINITY);
+        let late = step >= settled(case.steps);
+        gaps = [gaps[0].max(gap), if late { gaps[1].max(gap) } else { gaps[1] }];
+    })
+    .map_err(|refusal| refusal.to_string())?;
+    let judgement = judge.as_ref().map(|judge| {
         let depths: Option<Vec<f64>> =
             run.samples.iter().map(|poses| judge.deepest(poses)).collect();
-        Some(Judgement {
+        Judgement {
             depth: depths.map(|depths| depths.into_iter().fold(0.0, f64::max)),
+            gaps: watched.map(|_| gaps),
             standing: judge.standing(&run.end, case.stand_tolerance),
             stands: case.stand_tolerance.is_some() || judge.starts_at_rest(),
-        })
-    } else {
-        None
-    };
+        }
+    });
     Ok(RunResult { end: run.fingerprint(), times: run.times, judgement })
 }
 

@@ -31,6 +31,16 @@ impl Measured {
     fn overlap(&self) -> String {
         self.judgement.depth.map_or("not finite".to_string(), |depth| number(1e3 * depth))
     }
+
+    /// Formats the largest miss of a joint: in the whole run, and in its last quarter. \[mm\]
+    fn gaps(&self) -> [String; 2] {
+        self.judgement.gaps.map_or(["-".into(), "-".into()], |gaps| {
+            gaps.map(|gap| match gap.is_finite() {
+                true => number(1e3 * gap),
+                false => "not finite".to_string(),
+            })
+        })
+    }
 }
 
 /// Runs a scene in all engines, round by round in turn. Appends to `left_out` the engines that
@@ -101,6 +111,8 @@ pub(crate) fn table(cases: &[Case], kinds: &[EngineKind], options: &Options) {
         "ratio",
         "rounds",
         "overlap mm",
+        "gap mm",
+        "settled gap",
         "stand",
     ]);
     for case in cases {
@@ -114,6 +126,7 @@ pub(crate) fn table(cases: &[Case], kinds: &[EngineKind], options: &Options) {
             let ratios = ratios.map(|(a, b)| mean(&a[late..]) / mean(&b[late..]));
             let (low, high) =
                 ratios.fold((f64::MAX, 0.0f64), |(low, high), x| (low.min(x), high.max(x)));
+            let [gap, late_gap] = engine.gaps();
             table.row(vec![
                 case.name.clone(),
                 case.scene.dimension.to_string(),
@@ -125,6 +138,8 @@ pub(crate) fn table(cases: &[Case], kinds: &[EngineKind], options: &Options) {
                 format!("{:.2}", quarter[0] / quarter[1]),
                 format!("{low:.2}..{high:.2}"),
                 engine.overlap(),
+                gap,
+                late_gap,
                 engine.standing(),
             ]);
         }
@@ -163,6 +178,7 @@ pub(crate) fn quality(
         "ms",
         "settled ms",
         "overlap mm",
+        "gap mm",
         "stand",
     ]);
     let mut frontiers = Vec::new();
@@ -179,9 +195,13 @@ pub(crate) fn quality(
                 number(per_step(&engine.rounds, 0)),
                 number(settled_time),
                 engine.overlap(),
+                engine.gaps()[0].clone(),
                 engine.standing(),
             ]);
-            if let Some(depth) = engine.judgement.depth {
+            // The gaps of mechanisms count.
+            let gap = engine.judgement.gaps.map(|gaps| gaps[0]).filter(|gap| gap.is_finite());
+            let measure = if case.scene.joints.is_empty() { engine.judgement.depth } else { gap };
+            if let Some(depth) = measure {
                 let fallen = engine.judgement.stands && engine.judgement.standing < 1.0;
                 let name = engine.effort.to_string();
                 frontier.add(engine.kind, name, [settled_time, 1e3 * depth], fallen);

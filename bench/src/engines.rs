@@ -16,6 +16,7 @@ use clap::ValueEnum;
 use drystone_scene::{BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Track};
 
 pub(crate) use self::drystone::Drystone;
+use crate::hold::Hold;
 
 /// A scene in an engine.
 pub(crate) trait Engine {
@@ -282,6 +283,15 @@ fn accept(scene: &Scene) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// Returns the joints of a scene, as every engine has them.
+fn holds(scene: &Scene) -> Result<Vec<Hold>, Refusal> {
+    let refuse = |index: usize, name: &Option<String>, why: &str| {
+        Refusal::new(name.clone().unwrap_or_else(|| format!("joint {index}")), why)
+    };
+    let joints = scene.joints.iter().enumerate();
+    joints.map(|(index, of)| Hold::of(of).map_err(|why| refuse(index, &of.name, why))).collect()
+}
+
 /// Returns the density of all shapes of a body, from its density or its mass. \[kg/m^3, 2D kg/m^2\]
 fn density(body: &Body, volume: f64) -> f64 {
     match body.mass.mass {
@@ -457,6 +467,66 @@ mod tests {
         let quarter = 0.5f32.sqrt();
         for (kind, poses) in followed {
             assert_near(kind, &poses, &[1.0, 1.0, 0.0, 0.0, quarter, 0.0, quarter], 5e-3);
+        }
+    }
+
+    /// A body of 1 m that a joint of the world holds at its end, at rest, without gravity.
+    fn held(joint: &str) -> String {
+        format!(
+            r#"{{"gravity": [0, 0, 0], "bodies": [{{"shapes": [{{"type": "box",
+                "half_extents": [0.5, 0.1, 0.1]}}], "position": [0.5, 0, 0]}}],
+                "joints": [{{"bodies": [0], "anchor": [0, 0, 0], {joint}}}]}}"#
+        )
+    }
+
+    #[test]
+    fn motors_turn_and_push_the_same_way() {
+        let hinge = r#""type": "hinge", "axis": [0, 0, 1], "motor": {"velocity": 0.5}"#;
+        let [sin, cos] = [0.5f32.sin(), 0.5f32.cos()];
+        for (kind, poses) in after_a_second(&held(hinge), |_| ()) {
+            assert_near(kind, &poses[..3], &[0.5 * cos, 0.5 * sin, 0.0], 0.02);
+        }
+        let slider = r#""type": "slider", "axis": [1, 0, 0], "motor": {"velocity": 0.5}"#;
+        for (kind, poses) in after_a_second(&held(slider), |_| ()) {
+            assert_near(kind, &poses[..3], &[1.0, 0.0, 0.0], 0.02);
+        }
+    }
+
+    #[test]
+    fn limits_stop_the_same_way() {
+        let hinge = r#""type": "hinge", "axis": [0, 0, 1], "limits": [-0.4, 0.9]"#;
+        for gravity in [-1.0, 1.0] {
+            let pulled = held(hinge).replacen("[0, 0, 0]", &format!("[0, {gravity}, 0]"), 1);
+            let angle: f32 = if gravity < 0.0 { -0.4 } else { 0.9 };
+            for (kind, poses) in after_a_second(&pulled, |_| ()) {
+                let found = poses[1].atan2(poses[0]);
+                let stopped =
+                    if gravity < 0.0 { found >= angle - 0.1 } else { found <= angle + 0.1 };
+                assert!(stopped && found * angle > 0.0, "{kind:?}: {found} rad, not {angle}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_held_stays_and_does_not_collide() {
+        for kind in ["fixed", "ball"] {
+            let text = r#"{"gravity": [0, -9.81, 0], "bodies": [
+                {"motion": "static", "shapes": [{"type": "sphere", "radius": 0.5}]},
+                {"position": [0, -0.5, 0], "shapes": [{"type": "sphere", "radius": 0.5}]}],
+                "joints": [{"type": "KIND", "bodies": [1, 0], "anchor": [0, 0, 0]}]}"#;
+            for (engine, poses) in after_a_second(&text.replace("KIND", kind), |_| ()) {
+                assert_near(engine, &poses[7..10], &[0.0, -0.5, 0.0], 2e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn joints_that_not_all_engines_have_are_refused() {
+        let universal = r#""type": "universal", "axes": [[1, 0, 0], [0, 1, 0]]"#;
+        let scene = read_json(Path::new("test.json"), &held(universal)).unwrap().scene;
+        for kind in EngineKind::ALL.into_iter().filter(|kind| kind.is_built()) {
+            let refused = build(kind, &scene, Effort::Default, 1).is_err();
+            assert_eq!(refused, kind != EngineKind::Drystone, "{kind:?}");
         }
     }
 

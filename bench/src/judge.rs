@@ -45,6 +45,19 @@ impl<'a> Judge<'a> {
         Some(deepest)
     }
 
+    /// Returns the largest distance by which a joint misses a locked position; `None` if a pose is
+    /// not finite. \[m\]
+    pub(crate) fn gap(&self, poses: &[f32]) -> Option<f64> {
+        if poses.iter().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let gap = match &self.pieces {
+            Pieces::Flat(_) => flat::gap(self.scene, poses),
+            Pieces::Space(_) => space::gap(self.scene, poses),
+        };
+        Some(gap)
+    }
+
     /// Returns the fraction of dynamic bodies that are near their initial position. Near is within
     /// `tolerance` \[m\], or within half of their smallest extent. \[1\]
     pub(crate) fn standing(&self, poses: &[f32], tolerance: Option<f64>) -> f64 {
@@ -108,7 +121,9 @@ fn start(body: &Body) -> Vec<f32> {
 macro_rules! judge {
     ($name:ident: $parry:ident, $shapes:ident, $stride:literal, $placed:expr) => {
         mod $name {
-            use drystone_scene::{Motion, Rotation, Scene, ShapeKind};
+            use std::collections::HashSet;
+
+            use drystone_scene::{Coordinate, JointAxis, Motion, Rotation, Scene, ShapeKind};
             use $parry::bounding_volume::BoundingVolume;
             use $parry::math::Pose;
             use $parry::query::contact;
@@ -145,6 +160,35 @@ macro_rules! judge {
                 Ok(pieces)
             }
 
+            pub(super) fn gap(scene: &Scene, poses: &[f32]) -> f64 {
+                let placed: fn(&[f32; $stride]) -> ([f64; $stride], Rotation) = $placed;
+                let (bodies, _) = poses.as_chunks::<$stride>();
+                let mut gap = 0.0f64;
+                for joint in scene.joints.iter().filter(|joint| joint.enabled) {
+                    let [a, b] = [0, 1].map(|side| {
+                        let frame = &joint.frames[side];
+                        let frame = pose(&frame.position, &frame.rotation);
+                        joint.bodies[side].map_or(frame, |body| {
+                            let (position, rotation) = placed(&bodies[body]);
+                            pose(&position, &rotation) * frame
+                        })
+                    });
+                    let offset = b.inv_mul(&a).translation;
+                    let missed = |axis: &JointAxis| {
+                        let [low, high] = axis.limits?;
+                        let value = match axis.coordinate {
+                            Coordinate::Linear(i) => offset[i],
+                            Coordinate::Distance => offset.length(),
+                            _ => return None,
+                        };
+                        (low == high).then(|| (value - low).powi(2))
+                    };
+                    let squared: f64 = joint.axes.iter().filter_map(missed).sum();
+                    gap = gap.max(squared.sqrt());
+                }
+                gap
+            }
+
             pub(super) fn near(
                 scene: &Scene,
                 pieces: &[JudgedShape],
@@ -168,12 +212,21 @@ macro_rules! judge {
                     .collect();
                 let mut order: Vec<usize> = (0..pieces.len()).collect();
                 order.sort_by(|&a, &b| boxes[a].mins.x.total_cmp(&boxes[b].mins.x));
+                // Bodies that a joint keeps from colliding may overlap.
+                let apart: HashSet<[usize; 2]> = scene
+                    .joints
+                    .iter()
+                    .filter(|joint| !joint.collide)
+                    .filter_map(|joint| Some([joint.bodies[0]?, joint.bodies[1]?]))
+                    .flat_map(|[a, b]| [[a, b], [b, a]])
+                    .collect();
                 let moves =
                     |piece: usize| scene.bodies[pieces[piece].body].motion == Motion::Dynamic;
                 for (place, &first) in order.iter().enumerate() {
                     let rest = order[place + 1..].iter();
                     for &second in rest.take_while(|&&b| boxes[b].mins.x <= boxes[first].maxs.x) {
                         if pieces[first].body == pieces[second].body
+                            || apart.contains(&[pieces[first].body, pieces[second].body])
                             || !(moves(first) || moves(second))
                             || !boxes[first].intersects(&boxes[second])
                         {

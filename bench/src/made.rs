@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use drystone_scene::{BodiesAs, Filter, Mass, Material, Motion, Rotation, Scene, ShapeKind, Track};
+use drystone_scene::{BodiesAs, Motion, Rotation, Scene, ShapeKind};
 use parry3d_f64::shape::SharedShape as Exact;
 
 use crate::case::Case;
@@ -52,29 +52,17 @@ impl Body {
             2 => Rotation::Angle(0.0),
             _ => Rotation::Quaternion(q.map(f64::from)),
         };
-        let shape = drystone_scene::Shape {
-            kind,
-            position: vec![0.0; dimension],
-            rotation: turn([0.0, 0.0, 0.0, 1.0]),
-            material: Material { friction, ..Material::default() },
-            filter: Filter::default(),
-            surface_velocity: None,
+        let motion = if self.fixed { Motion::Static } else { Motion::Dynamic };
+        let mut body = match dimension {
+            2 => drystone_scene::Body::new(motion, [0.0; 2], kind),
+            _ => drystone_scene::Body::new(motion, [0.0; 3], kind),
         };
-        drystone_scene::Body {
-            name: None,
-            motion: if self.fixed { Motion::Static } else { Motion::Dynamic },
-            position: axes(&self.position),
-            rotation: turn(self.rotation),
-            linear_velocity: axes(&self.velocity),
-            angular_velocity: vec![0.0; if dimension == 2 { 1 } else { 3 }],
-            mass: Mass { density: Some(self.density.into()), ..Mass::default() },
-            gravity_factor: 1.0,
-            linear_damping: 0.0,
-            angular_damping: 0.0,
-            surface_velocity: None,
-            shapes: vec![shape],
-            track: Track::default(),
-        }
+        body.shapes[0].material.friction = friction;
+        body.mass.density = Some(self.density.into());
+        body.position = axes(&self.position);
+        body.rotation = turn(self.rotation);
+        body.linear_velocity = axes(&self.velocity);
+        body
     }
 }
 

@@ -9,9 +9,11 @@ mod compare;
 mod counting;
 mod engines;
 mod frontier;
+mod hold;
 mod judge;
 mod kernel;
 mod made;
+mod mechanisms;
 mod run;
 mod scenes;
 mod shapes;
@@ -33,6 +35,9 @@ pub(crate) struct Options {
     /// Run only the scenes with these names, separated by commas
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
+    /// Run the scenes of joints, not those of contacts alone
+    #[arg(long)]
+    joints: bool,
     /// Run these engines, separated by commas [default: all of this build]
     #[arg(long, value_delimiter = ',', value_enum)]
     engines: Vec<EngineKind>,
@@ -97,7 +102,7 @@ fn work(options: &Options) -> Result<(), String> {
     let piles = ["sphere_pile_1000", "sphere_pile_8000", "sphere_pile_64000"].map(String::from);
     let names =
         if options.flat && options.scenes.is_empty() { &piles[..] } else { &options.scenes[..] };
-    let mut cases = scenes::cases(&options.paths, names)?;
+    let mut cases = scenes::cases(&options.paths, names, options.joints)?;
     for case in &mut cases {
         case.steps = options.steps.map_or(case.steps, |steps| steps as usize);
         if case.steps < 4 {

@@ -5,21 +5,29 @@ use std::path::{Path, PathBuf};
 use drystone_bake::read;
 
 use crate::case::Case;
-use crate::made::{NAMES, made};
+use crate::made::{self, made};
+use crate::mechanisms::{self, mechanism};
 
 /// Steps of a scene that states none.
 const STEPS: usize = 600;
 
-/// Returns the scenes of files and folders, or those made in code if there are no paths. If `names`
-/// are given, returns only scenes with one of these names.
+/// Returns the scenes of files and folders, or those made in code if there are no paths: without
+/// joints, or with `joints`. If `names` are given, returns only scenes with one of these names.
 ///
 /// # Errors
 /// A file is no scene, or no scene has one of the names.
-pub(crate) fn cases(paths: &[PathBuf], names: &[String]) -> Result<Vec<Case>, String> {
-    let mut cases = Vec::new();
-    if paths.is_empty() {
-        cases.extend(NAMES.iter().filter_map(|name| made(name)));
-    }
+pub(crate) fn cases(
+    paths: &[PathBuf],
+    names: &[String],
+    joints: bool,
+) -> Result<Vec<Case>, String> {
+    let make = |name: &str| made(name).or_else(|| mechanism(name));
+    let mut cases: Vec<Case> = match (paths, names) {
+        ([], []) if joints => mechanisms::NAMES.iter().filter_map(|name| make(name)).collect(),
+        ([], []) => made::NAMES.iter().filter_map(|name| make(name)).collect(),
+        ([], names) => names.iter().filter_map(|name| make(name)).collect(),
+        _ => Vec::new(),
+    };
     for path in paths {
         if path.is_dir() {
             for file in scene_files(path)? {
@@ -29,13 +37,12 @@ pub(crate) fn cases(paths: &[PathBuf], names: &[String]) -> Result<Vec<Case>, St
             cases.push(from_file(path)?);
         }
     }
-    if paths.is_empty() {
-        let missing = |name: &&String| !NAMES.contains(&name.as_str());
-        cases.extend(names.iter().filter(missing).filter_map(|name| made(name)));
-    }
     for name in names {
         if !cases.iter().any(|case| case.name == *name) {
-            let known: Vec<_> = cases.iter().map(|case| case.name.as_str()).collect();
+            let known: Vec<&str> = match paths {
+                [] => made::NAMES.into_iter().chain(mechanisms::NAMES).collect(),
+                _ => cases.iter().map(|case| case.name.as_str()).collect(),
+            };
             return Err(format!("there is no scene {name}; the scenes are: {}", known.join(", ")));
         }
     }

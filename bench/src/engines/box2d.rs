@@ -4,7 +4,8 @@
 use boxdd_sys::ffi as b2;
 use drystone_scene::{Body, Motion, Rotation, Scene, ShapeKind};
 
-use super::{Effort, Engine, Peer, Refusal, density, flat_solid, soft_step, states_inertia};
+use super::{Effort, Engine, Peer, Refusal, density, flat_solid, holds, soft_step, states_inertia};
+use crate::hold::{Hold, HoldKind};
 
 /// Number of substeps that Box2D's manual recommends. \[1\]
 const SUBSTEPS: u32 = 4;
@@ -41,6 +42,12 @@ impl Box2d {
         let mut engine = Self { world, bodies: Vec::new(), substeps: substeps as i32 };
         for (index, body) in scene.bodies.iter().enumerate() {
             engine.add(index, body)?;
+        }
+        let holds = holds(scene)?;
+        if !holds.is_empty() {
+            // SAFETY: the settings are the library's own; the world lives as long as self.
+            let fixed = unsafe { b2::b2CreateBody(world, &b2::b2DefaultBodyDef()) };
+            holds.iter().for_each(|hold| engine.join(fixed, hold));
         }
         Ok(engine)
     }
@@ -92,6 +99,50 @@ impl Box2d {
             b2::b2Body_SetAngularVelocity(id, spin);
         }
         Ok(())
+    }
+
+    fn join(&mut self, fixed: b2::b2BodyId, hold: &Hold) {
+        let [a, b] = hold.bodies.map(|body| body.map_or(fixed, |index| self.bodies[index]));
+        let [at_a, at_b] = [0, 1].map(|i| &hold.frames[i]).map(|frame| b2::b2Transform {
+            p: vector(&frame.position),
+            q: rotation(&frame.rotation),
+        });
+        let place = |base: &mut b2::b2JointDef| {
+            (base.bodyIdA, base.bodyIdB, base.localFrameA, base.localFrameB) = (a, b, at_a, at_b);
+            base.collideConnected = hold.collide;
+        };
+        let [lower, upper] = hold.limits.unwrap_or_default().map(|limit| limit as f32);
+        let [speed, most] =
+            hold.motor.map_or([0.0; 2], |of| [of.velocity, of.max_force].map(|x| x as f32));
+        // SAFETY: the settings started as the library's own and live through the calls; both
+        // bodies are in the world, which lives as long as self.
+        unsafe {
+            match hold.kind {
+                HoldKind::Fixed => {
+                    let mut settings = b2::b2DefaultWeldJointDef();
+                    place(&mut settings.base);
+                    b2::b2CreateWeldJoint(self.world, &settings);
+                }
+                HoldKind::Ball | HoldKind::Hinge => {
+                    let mut settings = b2::b2DefaultRevoluteJointDef();
+                    place(&mut settings.base);
+                    settings.enableLimit = hold.limits.is_some();
+                    (settings.lowerAngle, settings.upperAngle) = (lower, upper);
+                    settings.enableMotor = hold.motor.is_some();
+                    (settings.motorSpeed, settings.maxMotorTorque) = (speed, most);
+                    b2::b2CreateRevoluteJoint(self.world, &settings);
+                }
+                HoldKind::Slider => {
+                    let mut settings = b2::b2DefaultPrismaticJointDef();
+                    place(&mut settings.base);
+                    settings.enableLimit = hold.limits.is_some();
+                    (settings.lowerTranslation, settings.upperTranslation) = (lower, upper);
+                    settings.enableMotor = hold.motor.is_some();
+                    (settings.motorSpeed, settings.maxMotorForce) = (speed, most);
+                    b2::b2CreatePrismaticJoint(self.world, &settings);
+                }
+            }
+        }
     }
 }
 

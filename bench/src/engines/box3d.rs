@@ -4,7 +4,8 @@
 use boxddd_sys::ffi as b3;
 use drystone_scene::{Body, Motion, Rotation, Scene, ShapeKind};
 
-use super::{Effort, Engine, Peer, Refusal, density, soft_step, solid, states_inertia};
+use super::{Effort, Engine, Peer, Refusal, density, holds, soft_step, solid, states_inertia};
+use crate::hold::{Hold, HoldKind};
 
 /// Number of substeps that Box3D's manual recommends. \[1\]
 const SUBSTEPS: u32 = 4;
@@ -13,6 +14,9 @@ const HALFSPACE: [f32; 2] = [100.0, 5.0];
 /// Fraction of its volume that a hull may lose where Box3D merges near points. \[1\]
 const LOST_VOLUME: f64 = 1e-2;
 const ONE: b3::b3Vec3 = b3::b3Vec3 { x: 1.0, y: 1.0, z: 1.0 };
+
+/// Takes z to x, x to y and y to z: Box3D's hinges turn about z.
+const Z_TO_X: b3::b3Quat = b3::b3Quat { v: b3::b3Vec3 { x: 0.5, y: 0.5, z: 0.5 }, s: 0.5 };
 
 /// A scene in Box3D.
 pub(super) struct Box3d {
@@ -44,6 +48,12 @@ impl Box3d {
             Self { world, bodies: Vec::new(), meshes: Vec::new(), substeps: substeps as i32 };
         for (index, body) in scene.bodies.iter().enumerate() {
             engine.add(index, body)?;
+        }
+        let holds = holds(scene)?;
+        if !holds.is_empty() {
+            // SAFETY: the settings are the library's own; the world lives as long as self.
+            let fixed = unsafe { b3::b3CreateBody(world, &b3::b3DefaultBodyDef()) };
+            holds.iter().for_each(|hold| engine.join(fixed, hold));
         }
         Ok(engine)
     }
@@ -138,7 +148,7 @@ impl Box3d {
                 let volume = crate::shapes::exact_space::shape(kind)?.mass_properties(1.0).mass();
                 add_hull(body, settings, points, place, volume)?;
             }
-            ShapeKind::Trimesh { vertices, triangles } => {
+            ShapeKind::Trimesh { vertices, triangles, .. } => {
                 let mut vertices: Vec<_> =
                     vertices.iter().map(|v| at(&place, v.map(|x| x as f32))).collect();
                 let mut indices: Vec<i32> =
@@ -168,6 +178,59 @@ impl Box3d {
             }
         }
         Ok(())
+    }
+
+    fn join(&mut self, fixed: b3::b3BodyId, hold: &Hold) {
+        let [a, b] = hold.bodies.map(|body| body.map_or(fixed, |index| self.bodies[index]));
+        let turned = |q: b3::b3Quat| match hold.kind {
+            HoldKind::Hinge => product(&q, &Z_TO_X),
+            _ => q,
+        };
+        let [at_a, at_b] = [0, 1].map(|i| &hold.frames[i]).map(|frame| b3::b3Transform {
+            p: vector(&frame.position),
+            q: turned(rotation(&frame.rotation)),
+        });
+        let place = |base: &mut b3::b3JointDef| {
+            (base.bodyIdA, base.bodyIdB, base.localFrameA, base.localFrameB) = (a, b, at_a, at_b);
+            base.collideConnected = hold.collide;
+        };
+        let [lower, upper] = hold.limits.unwrap_or_default().map(|limit| limit as f32);
+        let [speed, most] =
+            hold.motor.map_or([0.0; 2], |of| [of.velocity, of.max_force].map(|x| x as f32));
+        // SAFETY: the settings started as the library's own and live through the calls; both
+        // bodies are in the world, which lives as long as self.
+        unsafe {
+            match hold.kind {
+                HoldKind::Fixed => {
+                    let mut settings = b3::b3DefaultWeldJointDef();
+                    place(&mut settings.base);
+                    b3::b3CreateWeldJoint(self.world, &settings);
+                }
+                HoldKind::Ball => {
+                    let mut settings = b3::b3DefaultSphericalJointDef();
+                    place(&mut settings.base);
+                    b3::b3CreateSphericalJoint(self.world, &settings);
+                }
+                HoldKind::Hinge => {
+                    let mut settings = b3::b3DefaultRevoluteJointDef();
+                    place(&mut settings.base);
+                    settings.enableLimit = hold.limits.is_some();
+                    (settings.lowerAngle, settings.upperAngle) = (lower, upper);
+                    settings.enableMotor = hold.motor.is_some();
+                    (settings.motorSpeed, settings.maxMotorTorque) = (speed, most);
+                    b3::b3CreateRevoluteJoint(self.world, &settings);
+                }
+                HoldKind::Slider => {
+                    let mut settings = b3::b3DefaultPrismaticJointDef();
+                    place(&mut settings.base);
+                    settings.enableLimit = hold.limits.is_some();
+                    (settings.lowerTranslation, settings.upperTranslation) = (lower, upper);
+                    settings.enableMotor = hold.motor.is_some();
+                    (settings.motorSpeed, settings.maxMotorForce) = (speed, most);
+                    b3::b3CreatePrismaticJoint(self.world, &settings);
+                }
+            }
+        }
     }
 }
 

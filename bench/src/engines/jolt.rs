@@ -7,7 +7,9 @@ use std::sync::Once;
 use drystone_scene::{Body, Motion, Rotation, Scene, ShapeKind};
 use oxijolt_sys as jolt;
 
-use super::{Effort, Engine, Peer, Refusal, density, solid, states_inertia};
+use super::{Effort, Engine, Peer, Refusal, density, holds, solid, states_inertia};
+use crate::hold::{Hold, HoldKind};
+use crate::shapes::exact_space;
 
 /// Object layers and broad-phase layers: static bodies, and bodies that move.
 const FIXED: u32 = 0;
@@ -22,6 +24,9 @@ const PLANE: f32 = 1000.0;
 const STEP_MEMORY: u32 = 64 << 20;
 /// Maximum number of jobs, Jolt's default. \[1\]
 const JOBS: u32 = 2048;
+
+/// Largest limit of a hinge. \[rad\]
+const HALF_TURN: f32 = std::f32::consts::PI;
 
 /// A scene in Jolt.
 pub(super) struct Jolt {
@@ -87,6 +92,9 @@ impl Jolt {
         for (index, body) in scene.bodies.iter().enumerate() {
             engine.add(index, body)?;
         }
+        let holds = holds(scene)?;
+        engine.separate(&holds);
+        holds.iter().for_each(|hold| engine.join(scene, hold));
         // SAFETY: as above.
         unsafe { jolt::JPH_PhysicsSystem_OptimizeBroadPhase(system) };
         Ok(engine)
@@ -177,6 +185,146 @@ impl Jolt {
         };
         self.bodies.push(id);
         Ok(())
+    }
+
+    /// Keeps bodies that a joint holds from colliding, unless it says that they do. The bodies of a
+    /// mechanism are a collision group.
+    fn separate(&mut self, holds: &[Hold]) {
+        let mut first: Vec<usize> = (0..self.bodies.len()).collect();
+        let root = |first: &[usize], mut body: usize| {
+            while first[body] != body {
+                body = first[body];
+            }
+            body
+        };
+        let pairs: Vec<[usize; 2]> = holds
+            .iter()
+            .filter(|hold| !hold.collide)
+            .filter_map(|hold| Some([hold.bodies[0]?, hold.bodies[1]?]))
+            .collect();
+        for [a, b] in &pairs {
+            let [a, b] = [*a, *b].map(|body| root(&first, body));
+            first[a.max(b)] = a.min(b);
+        }
+        let mut members = vec![Vec::new(); first.len()];
+        let mut places = vec![0; first.len()];
+        for body in 0..first.len() {
+            let own = root(&first, body);
+            places[body] = members[own].len() as u32;
+            members[own].push(body);
+        }
+        let mut tables: Vec<*mut jolt::JPH_GroupFilterTable> =
+            vec![std::ptr::null_mut(); first.len()];
+        for [a, b] in pairs {
+            let own = root(&first, a);
+            // SAFETY: the table is made before its first use; groups keep it alive.
+            unsafe {
+                if tables[own].is_null() {
+                    tables[own] = jolt::JPH_GroupFilterTable_Create(members[own].len() as u32);
+                }
+                jolt::JPH_GroupFilterTable_DisableCollision(tables[own], places[a], places[b]);
+            }
+        }
+        for (own, members) in members.iter().enumerate().filter(|(own, _)| !tables[*own].is_null())
+        {
+            for &body in members {
+                let group = jolt::JPH_CollisionGroup {
+                    groupFilter: tables[own].cast(),
+                    groupID: own as u32,
+                    subGroupID: places[body],
+                };
+                // SAFETY: the body is in the system; the group lives through the call.
+                unsafe {
+                    let bodies = jolt::JPH_PhysicsSystem_GetBodyInterface(self.system);
+                    jolt::JPH_BodyInterface_SetCollisionGroup(bodies, self.bodies[body], &group);
+                }
+            }
+        }
+    }
+
+    fn join(&mut self, scene: &Scene, hold: &Hold) {
+        let [(point_1, x_1, y_1), (point_2, x_2, y_2)] = [0, 1].map(|i| {
+            let frame = exact_space::pose(&hold.frames[i].position, &hold.frames[i].rotation);
+            let body = hold.bodies[i].map(|index| &scene.bodies[index]);
+            let at = body
+                .map_or(frame, |body| exact_space::pose(&body.position, &body.rotation) * frame);
+            let axis =
+                |along: [f64; 3]| vector(&(at.rotation * exact_space::vector(&along)).to_array());
+            let point = vector(&at.translation.to_array());
+            (point, axis([1.0, 0.0, 0.0]), axis([0.0, 1.0, 0.0]))
+        });
+        let [lower, upper] =
+            hold.limits.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]).map(|limit| limit as f32);
+        let [speed, most] =
+            hold.motor.map_or([0.0; 2], |of| [of.velocity, of.max_force].map(|x| x as f32));
+        let space = jolt::JPH_ConstraintSpace_WorldSpace;
+        // SAFETY: the settings are the library's own, in place, and live through the calls; the
+        // bodies are in the system, which keeps the constraint.
+        unsafe {
+            let [body_1, body_2] = hold.bodies.map(|body| match body {
+                Some(index) => {
+                    jolt::JPH_PhysicsSystem_GetBodyPtr(self.system, self.bodies[index]).cast_mut()
+                }
+                None => jolt::JPH_Body_GetFixedToWorldBody(),
+            });
+            let constraint: *mut jolt::JPH_Constraint = match hold.kind {
+                HoldKind::Fixed => {
+                    let mut of = std::mem::zeroed();
+                    jolt::JPH_FixedConstraintSettings_Init(&mut of);
+                    (of.space, of.point1, of.point2) = (space, point_1, point_2);
+                    (of.axisX1, of.axisX2) = (x_1, x_2);
+                    (of.axisY1, of.axisY2) = (y_1, y_2);
+                    jolt::JPH_FixedConstraint_Create(&of, body_1, body_2).cast()
+                }
+                HoldKind::Ball => {
+                    let mut of = std::mem::zeroed();
+                    jolt::JPH_PointConstraintSettings_Init(&mut of);
+                    (of.space, of.point1, of.point2) = (space, point_1, point_2);
+                    jolt::JPH_PointConstraint_Create(&of, body_1, body_2).cast()
+                }
+                HoldKind::Hinge => {
+                    let mut of = std::mem::zeroed();
+                    jolt::JPH_HingeConstraintSettings_Init(&mut of);
+                    (of.space, of.point1, of.point2) = (space, point_1, point_2);
+                    (of.hingeAxis1, of.hingeAxis2) = (x_1, x_2);
+                    (of.normalAxis1, of.normalAxis2) = (y_1, y_2);
+                    (of.limitsMin, of.limitsMax) = (lower.max(-HALF_TURN), upper.min(HALF_TURN));
+                    (of.motorSettings.minTorqueLimit, of.motorSettings.maxTorqueLimit) =
+                        (-most, most);
+                    let hinge = jolt::JPH_HingeConstraint_Create(&of, body_1, body_2);
+                    if hold.motor.is_some() {
+                        jolt::JPH_HingeConstraint_SetMotorState(
+                            hinge,
+                            jolt::JPH_MotorState_Velocity,
+                        );
+                        jolt::JPH_HingeConstraint_SetTargetAngularVelocity(hinge, speed);
+                    }
+                    hinge.cast()
+                }
+                HoldKind::Slider => {
+                    let mut of = std::mem::zeroed();
+                    jolt::JPH_SliderConstraintSettings_Init(&mut of);
+                    (of.space, of.point1, of.point2) = (space, point_1, point_2);
+                    (of.sliderAxis1, of.sliderAxis2) = (x_1, x_2);
+                    (of.normalAxis1, of.normalAxis2) = (y_1, y_2);
+                    if hold.limits.is_some() {
+                        (of.limitsMin, of.limitsMax) = (lower, upper);
+                    }
+                    (of.motorSettings.minForceLimit, of.motorSettings.maxForceLimit) =
+                        (-most, most);
+                    let slider = jolt::JPH_SliderConstraint_Create(&of, body_1, body_2);
+                    if hold.motor.is_some() {
+                        jolt::JPH_SliderConstraint_SetMotorState(
+                            slider,
+                            jolt::JPH_MotorState_Velocity,
+                        );
+                        jolt::JPH_SliderConstraint_SetTargetVelocity(slider, speed);
+                    }
+                    slider.cast()
+                }
+            };
+            jolt::JPH_PhysicsSystem_AddConstraint(self.system, constraint);
+        }
     }
 }
 
@@ -298,7 +446,7 @@ fn shape(kind: &ShapeKind, density: f32) -> Result<Shape, String> {
                 let shape = jolt::JPH_PlaneShape_Create(&plane, null(), PLANE);
                 return Shape::new(shape.cast(), "a half-space");
             }
-            ShapeKind::Trimesh { vertices, triangles } => {
+            ShapeKind::Trimesh { vertices, triangles, .. } => {
                 let vertices: Vec<_> = vertices.iter().map(|vertex| vector(vertex)).collect();
                 let triangles: Vec<_> = triangles
                     .iter()

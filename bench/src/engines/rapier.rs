@@ -4,6 +4,9 @@ use drystone_scene::Scene;
 
 use super::{Effort, Engine, Refusal, follow, soft_step};
 
+/// Damping of motors that keep their velocity. \[N s/m, or N m s/rad\]
+const MOTOR: f32 = 1e6;
+
 /// Builds a scene in rapier2d.
 pub(super) fn flat(
     scene: &Scene,
@@ -28,12 +31,15 @@ macro_rules! rapier {
         mod $name {
             use drystone_scene::{Body, Motion, Rotation, Scene};
             use $rapier::prelude::{
-                AngVector, CoefficientCombineRule, ColliderBuilder, MassProperties, PhysicsWorld,
-                Pose, RigidBodyBuilder, RigidBodyHandle,
+                AngVector, CoefficientCombineRule, ColliderBuilder, GenericJoint, JointAxesMask,
+                JointAxis, MassProperties, MotorModel, PhysicsWorld, Pose, RigidBodyBuilder,
+                RigidBodyHandle,
             };
 
             use super::super::$solids as solids;
-            use super::super::{Effort, Engine, Peer, Refusal, density, states_inertia};
+            use super::super::{Effort, Engine, Peer, Refusal, density, holds, states_inertia};
+            use super::MOTOR;
+            use crate::hold::{Hold, HoldKind};
             use crate::shapes::$shapes::{pose, shape, vector};
 
             pub(super) struct Rapier {
@@ -67,6 +73,11 @@ macro_rules! rapier {
                     let mut bodies = Vec::with_capacity(scene.bodies.len());
                     for (index, body) in scene.bodies.iter().enumerate() {
                         bodies.push(insert(&mut world, index, body)?);
+                    }
+                    let holds = holds(scene)?;
+                    if !holds.is_empty() {
+                        let fixed = world.bodies.insert(RigidBodyBuilder::fixed());
+                        holds.iter().for_each(|hold| join(&mut world, &bodies, fixed, hold));
                     }
                     Ok(Self { world, bodies })
                 }
@@ -117,6 +128,35 @@ macro_rules! rapier {
                     world.colliders.insert_with_parent(collider, handle, &mut world.bodies);
                 }
                 Ok(handle)
+            }
+
+            fn join(
+                world: &mut PhysicsWorld,
+                bodies: &[RigidBodyHandle],
+                fixed: RigidBodyHandle,
+                hold: &Hold,
+            ) {
+                let (locked, free) = match hold.kind {
+                    HoldKind::Fixed => (JointAxesMask::LOCKED_FIXED_AXES, JointAxis::AngX),
+                    HoldKind::Ball => (JointAxesMask::LIN_AXES, JointAxis::AngX),
+                    HoldKind::Hinge => (JointAxesMask::LOCKED_REVOLUTE_AXES, JointAxis::AngX),
+                    HoldKind::Slider => (JointAxesMask::LOCKED_PRISMATIC_AXES, JointAxis::LinX),
+                };
+                let mut joint = GenericJoint::new(locked);
+                let [first, second] =
+                    [0, 1].map(|i| pose(&hold.frames[i].position, &hold.frames[i].rotation));
+                joint.set_local_frame1(first).set_local_frame2(second);
+                joint.set_contacts_enabled(hold.collide);
+                if let Some(limits) = hold.limits {
+                    joint.set_limits(free, limits.map(|limit| limit as f32));
+                }
+                if let Some(motor) = hold.motor {
+                    joint.set_motor_model(free, MotorModel::ForceBased);
+                    joint.set_motor_velocity(free, motor.velocity as f32, MOTOR);
+                    joint.set_motor_max_force(free, motor.max_force as f32);
+                }
+                let [first, second] = hold.bodies.map(|body| body.map_or(fixed, |i| bodies[i]));
+                world.insert_impulse_joint(first, second, joint);
             }
 
             impl Engine for Rapier {

@@ -3,6 +3,7 @@
 //! Only this module names all four kinds of worlds. A function that depends on the dimension is
 //! generic and stands once.
 
+mod guide;
 mod slices;
 
 use std::collections::BTreeMap;
@@ -14,11 +15,11 @@ use drystone::{
     JointState, Measure, Nearby, ParticleWorld2, ParticleWorld3, StepReport, StepSettings, World2,
     World3,
 };
-use drystone_scene::{Body, Scene, SurfaceVelocity, Track};
+use drystone_scene::{Body, Motion, Scene, SurfaceVelocity};
 use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64;
 
-pub use slices::TouchingPairs;
+pub use slices::{PairImpulses, TouchingPairs};
 
 use crate::convert::{body_of, name, surface_motion};
 use crate::decomposition::Decompositions;
@@ -26,7 +27,10 @@ use crate::error::BuildError;
 use crate::input::{check_body, check_count, check_surface};
 use crate::joints;
 use crate::world_kind::WorldKind;
-use slices::{by_body, pose_of, velocity_of, write_pose, write_touching, write_velocity};
+use guide::Guide;
+use slices::{
+    Place, by_body, impulses_of, pose_of, velocity_of, write_pose, write_touching, write_velocity,
+};
 
 /// The world itself.
 enum Worlds {
@@ -76,8 +80,8 @@ macro_rules! each {
 /// ```
 pub struct AnyWorld {
     worlds: Worlds,
-    /// Tracks of kinematic bodies, by slot.
-    tracks: Arc<BTreeMap<usize, Track>>,
+    /// Tracks and forces of bodies, by slot.
+    guides: Arc<BTreeMap<usize, Guide>>,
     /// Time since the start. \[s\]
     time: f64,
     /// Decompositions of the meshes added so far.
@@ -127,8 +131,8 @@ impl AnyWorld {
             WorldKind::Particles2 => Worlds::Particles2(Box::new(ParticleWorld2::new(settings))),
             WorldKind::Particles3 => Worlds::Particles3(Box::new(ParticleWorld3::new(settings))),
         };
-        let (tracks, meshes) = (Arc::default(), Decompositions::default());
-        Self { worlds, tracks, time: 0.0, meshes }
+        let (guides, meshes) = (Arc::default(), Decompositions::default());
+        Self { worlds, guides, time: 0.0, meshes }
     }
 
     /// Returns the kind of the world.
@@ -171,10 +175,36 @@ impl AnyWorld {
             world.add(body)
         });
         let id = added.map_err(refused)?;
-        if !body.track.times.is_empty() {
-            Arc::make_mut(&mut self.tracks).insert(id.index(), body.track.clone());
-        }
+        self.guide(id, body).map_err(refused)?;
         Ok(id)
+    }
+
+    /// Prepares what a scene prescribes for a body that has just been added.
+    fn guide(&mut self, id: BodyId, body: &Body) -> Result<(), InputError> {
+        let is_dynamic = body.motion == Motion::Dynamic;
+        let guide = Guide::of(body);
+        if is_dynamic && guide.leads(self.time) {
+            self.hold(id, true)?;
+        }
+        if body.start_asleep {
+            self.put_to_sleep(id)?;
+        }
+        if self.time != 0.0 {
+            self.place_meshes(id, &guide, Place::Anew)?;
+        }
+        if guide.follows() || !guide.meshes.is_empty() || is_dynamic && guide.pushes() {
+            Arc::make_mut(&mut self.guides).insert(id.index(), guide);
+        }
+        Ok(())
+    }
+
+    /// Gives the meshes of a body that deform the vertices of the present time.
+    fn place_meshes(&mut self, id: BodyId, guide: &Guide, place: Place) -> Result<(), InputError> {
+        let time = self.time;
+        for mesh in &guide.meshes {
+            each!(&mut self.worlds, world => slices::place_mesh(world, id, mesh, (time, place)))?;
+        }
+        Ok(())
     }
 
     /// Adds a joint. Its bodies are indices into `bodies`.
@@ -225,8 +255,8 @@ impl AnyWorld {
     /// Removes a body, and wakes the bodies near it. Returns true if it was there.
     pub fn remove(&mut self, id: BodyId) -> bool {
         let is_there = each!(&mut self.worlds, world => world.remove(id));
-        if is_there && self.tracks.contains_key(&id.index()) {
-            Arc::make_mut(&mut self.tracks).remove(&id.index());
+        if is_there && self.guides.contains_key(&id.index()) {
+            Arc::make_mut(&mut self.guides).remove(&id.index());
         }
         is_there
     }
@@ -254,16 +284,17 @@ impl AnyWorld {
 
 /// Steps, their settings and their reports.
 impl AnyWorld {
-    /// Advances the world by `dt` \[s\]. Bodies with a track follow it.
+    /// Advances the world by `dt` \[s\]. Bodies with a track follow it, and so do the vertices of
+    /// meshes with one. A dynamic body is released before the step that would lead beyond the end of
+    /// its track.
     ///
     /// # Errors
     /// The step or a setting is out of range, or a track leads too far or too fast.
     pub fn step(&mut self, dt: f64) -> Result<StepReport, InputError> {
         let time = self.time + dt;
-        let (worlds, tracks) = (&mut self.worlds, Arc::clone(&self.tracks));
-        for (&slot, track) in tracks.iter() {
-            let (position, rotation) = track.at(time);
-            each!(worlds, world => slices::follow(world, slot, (&position, &rotation), dt as f32))?;
+        let (worlds, guides) = (&mut self.worlds, Arc::clone(&self.guides));
+        for (&slot, guide) in guides.iter() {
+            each!(worlds, world => slices::guide(world, slot, guide, [time, dt]))?;
         }
         let report = each!(worlds, world => world.step(dt as f32))?;
         self.time = time;
@@ -364,6 +395,12 @@ impl AnyWorld {
     /// ([`World::touching`](drystone::World::touching)).
     pub fn write_touching(&self, pairs: &mut TouchingPairs) {
         each!(&self.worlds, world => write_touching(world, pairs));
+    }
+
+    /// Returns the impulses between colliders in the last step, if they are recorded
+    /// ([`World::impulses`](drystone::World::impulses)).
+    pub fn impulses(&self) -> PairImpulses {
+        each!(&self.worlds, world => impulses_of(world))
     }
 }
 
@@ -494,6 +531,22 @@ impl AnyWorld {
         each!(&self.worlds, world => world.is_sleeping(id))
     }
 
+    /// Puts a dynamic body to sleep ([`World::put_to_sleep`](drystone::World::put_to_sleep)).
+    ///
+    /// # Errors
+    /// The body is unknown, not dynamic or held.
+    pub fn put_to_sleep(&mut self, id: BodyId) -> Result<(), InputError> {
+        each!(&mut self.worlds, world => world.put_to_sleep(id))
+    }
+
+    /// Holds a dynamic body, or releases it ([`World::hold`](drystone::World::hold)).
+    ///
+    /// # Errors
+    /// The body is unknown, or not dynamic.
+    pub fn hold(&mut self, id: BodyId, held: bool) -> Result<(), InputError> {
+        each!(&mut self.worlds, world => world.hold(id, held))
+    }
+
     /// Wakes a body and all bodies that fell asleep with it.
     pub fn wake(&mut self, id: BodyId) {
         each!(&mut self.worlds, world => world.wake(id));
@@ -520,7 +573,7 @@ impl AnyWorld {
     /// ([`World::checkpoint`](drystone::World::checkpoint)).
     pub fn checkpoint(&self) -> AnyCheckpoint {
         let world = each!(&self.worlds, world => world.checkpoint());
-        AnyCheckpoint { time: self.time, world, tracks: Some(Arc::clone(&self.tracks)) }
+        AnyCheckpoint { time: self.time, world, guides: Some(Arc::clone(&self.guides)) }
     }
 
     /// Restores a state ([`World::restore`](drystone::World::restore)). With the same settings, all
@@ -532,8 +585,15 @@ impl AnyWorld {
     pub fn restore(&mut self, from: &AnyCheckpoint) -> Result<(), CheckpointError> {
         each!(&mut self.worlds, world => world.restore(&from.world))?;
         self.time = from.time;
-        if let Some(tracks) = &from.tracks {
-            self.tracks = Arc::clone(tracks);
+        if let Some(guides) = &from.guides {
+            self.guides = Arc::clone(guides);
+        }
+        // The time determines the vertices, which checkpoints as bytes do not have.
+        for (&slot, guide) in Arc::clone(&self.guides).iter() {
+            if let Some(id) = self.body_at(slot) {
+                // They are those of a step that was taken, so nothing is refused.
+                let _ = self.place_meshes(id, guide, Place::Restored);
+            }
         }
         Ok(())
     }
@@ -547,7 +607,7 @@ pub struct AnyCheckpoint {
     world: Checkpoint,
     /// `None` if it was read from bytes.
     #[serde(skip)]
-    tracks: Option<Arc<BTreeMap<usize, Track>>>,
+    guides: Option<Arc<BTreeMap<usize, Guide>>>,
 }
 
 impl AnyCheckpoint {

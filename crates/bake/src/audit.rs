@@ -19,7 +19,7 @@ use serde::Serialize;
 use crate::recording::Recording;
 use crate::recording::pose::frame_pose;
 use drystone::StepSettings;
-use drystone_scene::{Joint, Motion, Scene};
+use drystone_scene::{Joint, Motion, Scene, Shape, ShapeKind};
 use shape::{CoreShape, ShapePose, SupportShape, Vec3, dot, minus, norm, overlap};
 
 /// Maximum number of frames in which overlaps are measured.
@@ -54,8 +54,8 @@ pub struct Audit {
     pub passages: Vec<Passage>,
     /// Dynamic bodies that ended entirely below everything that could have carried them.
     pub fallen: Vec<usize>,
-    /// Bodies of `fallen` that have a mesh. The audit does not follow meshes, so these bodies may
-    /// have passed through something.
+    /// Bodies of `fallen` that have a mesh, or all where meshes deform. The audit follows neither,
+    /// so these bodies may have passed through something.
     pub unfollowed: Vec<usize>,
 }
 
@@ -104,7 +104,7 @@ impl Audit {
 /// The work is bounded. The audit measures at most 64 frames, evenly spread over the bake, and
 /// 131 072 pairs of shapes. It follows at most 4 million center paths. It does not measure two
 /// triangle meshes against each other. It does not follow meshes, and does not look for passages
-/// through dynamic bodies.
+/// through dynamic bodies and through meshes that deform.
 pub fn audit(
     scene: &Scene,
     recording: &Recording,
@@ -113,7 +113,7 @@ pub fn audit(
 ) -> Audit {
     let mut audit = Audit::default();
     let Some(last) = recording.frames().checked_sub(1) else { return audit };
-    let stage = AuditScene::new(scene, recording);
+    let mut stage = AuditScene::new(scene, recording);
     stage.measure(last, (settings, known), &mut audit);
     stage.follow(last, &mut audit);
     stage.left(last, &mut audit);
@@ -174,6 +174,31 @@ impl<'a> AuditScene<'a> {
         let pair = |joint: &Joint| Some([joint.bodies[0]?, joint.bodies[1]?]);
         let separated = separated.filter_map(pair).map(|[a, b]| [a.min(b), a.max(b)]).collect();
         Self { scene, recording, actors, separated }
+    }
+
+    /// Gives the meshes that deform their vertices in a frame.
+    fn deform(&mut self, frame: usize) {
+        let time = frame as f64 * self.recording.frame_time;
+        for actor in &mut self.actors {
+            let shape = &self.scene.bodies[actor.body].shapes[actor.shape];
+            let ShapeKind::Trimesh { triangles, vertex_track: Some(track), .. } = &shape.kind
+            else {
+                continue;
+            };
+            let (vertices, triangles) = (track.at(time), triangles.clone());
+            let kind =
+                ShapeKind::Trimesh { vertices, triangles, decomposition: None, vertex_track: None };
+            let form = SupportShape::new(&Shape { kind, ..shape.clone() }, self.scene.dimension);
+            if let Some(form) = form {
+                actor.form = form;
+            }
+        }
+    }
+
+    /// Returns true if the shape of an actor deforms.
+    fn deforms(&self, actor: usize) -> bool {
+        let Actor { body, shape, .. } = self.actors[actor];
+        self.scene.bodies[body].shapes[shape].kind.vertex_track().is_some()
     }
 
     fn body(&self, frame: usize, body: usize) -> ShapePose {
@@ -284,13 +309,19 @@ impl<'a> AuditScene<'a> {
     }
 
     /// Measures overlaps in frames spread over the bake, including the first and the last.
-    fn measure(&self, last: usize, (settings, known): (&StepSettings, &[f64]), audit: &mut Audit) {
+    fn measure(
+        &mut self,
+        last: usize,
+        (settings, known): (&StepSettings, &[f64]),
+        audit: &mut Audit,
+    ) {
         let mut at_the_start = BTreeMap::new();
         let mut worst: BTreeMap<[usize; 2], Overlap> = BTreeMap::new();
         let mut intervals = (FRAMES - 1).min(last);
         let mut sample = 0;
         while sample <= intervals && audit.pairs < MOST_PAIRS {
             let frame = (sample * last).checked_div(intervals).unwrap_or(0);
+            self.deform(frame);
             let state = self.state(frame);
             let pairs = self.pairs(&state, MOST_PAIRS - audit.pairs);
             if sample == 0 {
@@ -359,6 +390,7 @@ impl<'a> AuditScene<'a> {
             all.partition(|&of| self.motion(of) == Motion::Dynamic);
         let convex = |of: &usize| !matches!(self.actors[*of].form.core, CoreShape::Mesh(_));
         let walkers: Vec<usize> = walkers.into_iter().filter(convex).collect();
+        let obstacles: Vec<usize> = obstacles.into_iter().filter(|&of| !self.deforms(of)).collect();
         if walkers.is_empty() || obstacles.is_empty() || last == 0 {
             return;
         }
@@ -425,7 +457,10 @@ impl<'a> AuditScene<'a> {
             let mut shapes = self.actors.iter().filter(|of| of.body == body);
             shapes.any(|of| matches!(of.form.core, CoreShape::Mesh(_)))
         };
-        audit.unfollowed = audit.fallen.iter().copied().filter(|body| has_mesh(*body)).collect();
+        // Neither were passages through meshes that deform.
+        let deforms = (0..self.actors.len()).any(|of| self.deforms(of));
+        let unfollowed = |body: &usize| deforms || has_mesh(*body);
+        audit.unfollowed = audit.fallen.iter().copied().filter(unfollowed).collect();
     }
 }
 

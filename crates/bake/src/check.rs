@@ -176,6 +176,7 @@ pub fn check_with(
     findings.extend(contacts::mass_ratios(scene, &near, &masses, settings));
     findings.extend(contacts::frictionless(scene, &near, &masses));
     findings.extend(motion::too_fast(scene, settings));
+    findings.extend(motion::deforms_too_fast(scene, settings));
     findings.extend(jumps(scene));
     findings.extend(sizes::sizes(scene));
     findings.extend(scales::scales(read));

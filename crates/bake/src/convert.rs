@@ -56,7 +56,7 @@ pub(crate) fn body_of<G: FromScene<L, A>, const L: usize, const A: usize>(
         }));
     }
     Ok(Body {
-        motion: motion(body.motion),
+        motion: motion_of(body),
         pose: place::<G, L, A>(&body.position, &body.rotation),
         velocity: Velocity {
             linear: Vector(floats(&body.linear_velocity)),
@@ -69,6 +69,16 @@ pub(crate) fn body_of<G: FromScene<L, A>, const L: usize, const A: usize>(
         colliders,
         user_data: 0,
     })
+}
+
+/// Returns the motion of a body in a world. A static body whose meshes deform moves, as a kinematic
+/// one at rest does.
+fn motion_of(body: &scene::Body) -> drystone::Motion {
+    let deforms = body.shapes.iter().any(|shape| shape.kind.vertex_track().is_some());
+    match body.motion {
+        Motion::Static if deforms => drystone::Motion::Kinematic,
+        other => motion(other),
+    }
 }
 
 /// Converts the motion of a body.

@@ -95,6 +95,12 @@ impl FromScene<3, 3> for Rigid3 {
                 ShapeKind::Cylinder { radius, half_height } => {
                     Ok(SharedShape::cylinder(*half_height as f32, *radius as f32))
                 }
+                // Merged vertices could not move apart.
+                ShapeKind::Trimesh { triangles, vertex_track: Some(track), .. } => {
+                    let vertices = track.at(0.0).iter().map(|v| V::from(floats::<3>(v))).collect();
+                    SharedShape::trimesh(vertices, triangles.clone())
+                        .map_err(|_| "has no usable triangle")
+                }
                 ShapeKind::Trimesh { vertices, triangles, .. } => {
                     use parry3d::shape::TriMeshFlags;
                     let vertices = vertices.iter().map(|v| V::from(floats::<3>(v))).collect();
@@ -116,14 +122,10 @@ impl FromScene<3, 3> for Rigid3 {
         known: &mut Decompositions,
     ) -> Result<Option<Pieces<Self, 3, 3>>, &'static str> {
         use parry3d::math::Vector as V;
-        let ShapeKind::Trimesh { vertices, triangles, decomposition } = kind else {
-            return Ok(None);
-        };
+        let ShapeKind::Trimesh { vertices, triangles, .. } = kind else { return Ok(None) };
         const OPEN: &str =
             "a mesh that is not closed has no volume to move; close it, or use its convex hull";
-        // Rounded to `f32` as for contacts, so that files in single precision give the same pieces.
-        let single: Vec<_> = vertices.iter().map(|p| floats::<3>(p).map(f64::from)).collect();
-        let found = known.of(&single, triangles, &decomposition.unwrap_or_default());
+        let Some(found) = known.of_shape(kind) else { return Ok(None) };
         let found = found.map_err(|_| OPEN)?;
         let hull = |piece: &crate::decomposition::ConvexPiece| {
             let from = |p: &[f64; 3]| from_fn::<f32, 3, _>(|i| (p[i] - found.center[i]) as f32);

@@ -46,6 +46,7 @@ pub(crate) fn check_body(body: &Body, index: usize, kind: WorldKind) -> Result<(
     for (number, shape) in body.shapes.iter().enumerate() {
         let wrong = |reason| BuildError::Shape { body: name(body, index), shape: number, reason };
         check_shape(&shape.kind, kind.dimension()).map_err(wrong)?;
+        check_vertex_track(&shape.kind, body.motion).map_err(wrong)?;
     }
     let is_particle = kind.has_particles() && body.motion == Motion::Dynamic;
     if is_particle { check_particle(body).map_err(refused) } else { Ok(()) }
@@ -56,6 +57,7 @@ fn check_lists(body: &Body, dimension: usize) -> Checked {
     check_rotation("the rotation", &body.rotation, dimension)?;
     check_count("the linear velocity", body.linear_velocity.len(), dimension)?;
     check_count("the angular velocity", body.angular_velocity.len(), spin(dimension))?;
+    check_count("the force", body.force.len(), dimension)?;
     check_mass(&body.mass, dimension)?;
     for shape in &body.shapes {
         check_count("the position of a shape", shape.position.len(), dimension)?;
@@ -92,8 +94,8 @@ fn check_mass(mass: &Mass, dimension: usize) -> Checked {
 
 fn check_track(track: &Track, motion: Motion, dimension: usize) -> Checked {
     let keys = track.times.len();
-    if motion != Motion::Kinematic {
-        check_count("the track of a body that is not kinematic", keys, 0)?;
+    if motion == Motion::Static {
+        check_count("the track of a static body", keys, 0)?;
     }
     check_count("the positions of the track", track.positions.len(), keys)?;
     check_count("the rotations of the track", track.rotations.len(), keys)?;
@@ -150,6 +152,20 @@ fn check_shape(kind: &ShapeKind, dimension: usize) -> Result<(), &'static str> {
         }
     };
     if is_right { Ok(()) } else { Err(reason) }
+}
+
+/// Rejects places of vertices that do not fit their mesh.
+fn check_vertex_track(kind: &ShapeKind, motion: Motion) -> Result<(), &'static str> {
+    let ShapeKind::Trimesh { vertices, triangles, vertex_track: Some(track), .. } = kind else {
+        return Ok(());
+    };
+    if motion == Motion::Dynamic {
+        return Err("has a vertex track on a dynamic body; make the body static or kinematic");
+    }
+    track.check(vertices.len(), triangles).map_err(|_| {
+        "has a vertex track that is not accepted; give times that ascend, as many finite points as \
+         vertices for each, and triangles with an area at all times"
+    })
 }
 
 /// Returns true if the corners of a triangle are not all in one line.

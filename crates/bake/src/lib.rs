@@ -46,7 +46,7 @@ pub mod recording;
 mod settings;
 mod world_kind;
 
-pub use any_world::{AnyCheckpoint, AnyWorld, TouchingPairs, build, build_with};
+pub use any_world::{AnyCheckpoint, AnyWorld, PairImpulses, TouchingPairs, build, build_with};
 pub use decomposition::{Decomposition, Decompositions, Deviation, decompose};
 pub use engine::{Drystone, read, read_json, read_toml};
 pub use error::BuildError;

@@ -1,7 +1,9 @@
 //! Recordings (poses over time) and the file formats to which they are written.
 
 pub mod animation;
+mod clock;
 pub mod compare;
+pub mod contacts;
 pub mod glb;
 pub mod gltf;
 pub mod joints;
@@ -12,7 +14,10 @@ mod parallel;
 pub mod pose;
 pub mod poses;
 pub mod sampling;
+mod usd_instances;
+pub mod usd_layer;
 pub mod usda;
+mod velocities;
 
 use std::io;
 use std::ops::RangeInclusive;
@@ -21,6 +26,7 @@ use drystone::geometry::pose_numbers;
 use drystone_scene::Scene;
 pub use joints::JointRecording;
 pub use sampling::Sampling;
+pub use velocities::Velocities;
 
 /// Accepted times between two frames. \[s\]
 const APART: RangeInclusive<f64> = 1e-9..=1e6;
@@ -40,7 +46,7 @@ pub struct Recording {
     pub poses: Vec<f32>,
 }
 
-/// A recording with the names of its bodies, and its joints.
+/// A recording with the names of its bodies, its joints and its velocities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Named {
     /// The poses.
@@ -49,6 +55,8 @@ pub struct Named {
     pub names: Vec<String>,
     /// The joints, as far as the file has them.
     pub joints: JointRecording,
+    /// Velocities of the bodies, as far as the file has them.
+    pub velocities: Velocities,
 }
 
 impl Recording {

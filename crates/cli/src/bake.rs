@@ -5,6 +5,7 @@ mod dump;
 mod joints;
 mod journal;
 mod output;
+mod progress;
 mod record;
 mod report;
 mod summary;
@@ -28,6 +29,7 @@ use dump::{Dump, Part};
 use journal::BakeJournal;
 pub(crate) use output::Format;
 use output::Outputs;
+use progress::Progress;
 use record::{Bake, Length, listen};
 use summary::Summary;
 
@@ -40,6 +42,8 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let read = drystone_bake::read(&arguments.scene)?;
     print_warnings(arguments, read.warnings.iter());
     print_warnings(arguments, jumps(&read.scene).into_iter().map(|of| of.what));
+    outputs.spare_layers(&read)?;
+    arguments.frame_options.check(&read)?;
     outputs.check_folders()?;
     listen();
     let mut world = prepare(arguments, &read.scene)?;
@@ -50,11 +54,11 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let steps = steps(arguments, &read.scene)?;
     arguments.frame_options.steps(0..=steps as usize, read.scene.time_step)?;
     let dump_step = dump::step(arguments.dump_step, steps)?;
-    let bar = progress(arguments, steps);
-    let header = Header::new(&read.scene, world.settings());
+    let mut progress = Progress::new(arguments, steps);
+    let header = Header { extras: outputs.extras(), ..Header::new(&read.scene, world.settings()) };
     let mut journal = BakeJournal::open(arguments, outputs.first(arguments), header)?;
     let length = Length { steps: steps as usize, dump_step: dump_step.map(|step| step as usize) };
-    let baked = Bake::run(&mut world, &read.scene, length, &mut journal, &bar);
+    let baked = Bake::run(&mut world, &read.scene, length, &mut journal, &mut progress);
     if let Err(Failure::Diverged(_)) = baked {
         journal.discard(usize::MAX);
         return baked.map(|_| ());
@@ -136,16 +140,6 @@ fn steps(arguments: &BakeArguments, scene: &Scene) -> Result<u32, Failure> {
         )));
     }
     Ok(of(seconds) as u32)
-}
-
-fn progress(arguments: &BakeArguments, steps: u32) -> indicatif::ProgressBar {
-    if arguments.quiet {
-        return indicatif::ProgressBar::hidden();
-    }
-    let style = "{bar:40} step {human_pos} of {human_len}, {eta} to go {msg}";
-    let style = indicatif::ProgressStyle::with_template(style);
-    let bar = indicatif::ProgressBar::new(u64::from(steps));
-    style.map_or(bar.clone(), |style| bar.with_style(style))
 }
 
 fn write(

@@ -1,5 +1,6 @@
 //! `drystone convert`: writes a scene or a bake in another format.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use drystone::StepSettings;
@@ -12,7 +13,7 @@ use crate::bake::Format;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
 use crate::files::refuse_overwrite;
-use crate::frames::FrameOptions;
+use crate::frames::{FrameOptions, OutputMotion};
 use crate::print;
 use crate::verify::take;
 
@@ -70,6 +71,10 @@ fn motion(arguments: &ConvertArguments) -> Result<(), Failure> {
     let ConvertArguments { input, output, scene, frame_options } = arguments;
     let format = Format::of("OUT", output)?;
     let read = scene.as_deref().map(drystone_bake::read).transpose()?;
+    read.as_ref().map_or(Ok(()), |read| frame_options.check(read))?;
+    let stage = read.as_ref().and_then(|read| read.stage.as_ref());
+    let layers = stage.into_iter().flat_map(|stage| &stage.layers);
+    refuse_overwrite(output, layers.map(PathBuf::as_path))?;
     let named = take(input, read.as_ref().map(|read| &read.scene))?.ok_or_else(|| {
         let what = "does not name its bodies; give their scene with --scene";
         Failure::Input(format!("{}: {what}", input.display()))
@@ -86,8 +91,14 @@ fn motion(arguments: &ConvertArguments) -> Result<(), Failure> {
             output.display(),
         )));
     }
-    let motion = frame_options.motion(&named.recording, &named.names, &[], &named.joints)?;
-    let warnings = format.write(output, read.as_ref(), &motion, &frame_options.sampling())?;
+    let motion = frame_options.motion(OutputMotion {
+        recording: Cow::Borrowed(&named.recording),
+        names: &named.names,
+        contacts: &[],
+        joints: Cow::Borrowed(&named.joints),
+        velocities: Cow::Borrowed(&named.velocities),
+    })?;
+    let warnings = format.write(output, read.as_ref(), &motion, frame_options)?;
     warnings.iter().for_each(|warning| warn(input, warning));
     Ok(())
 }
@@ -95,7 +106,8 @@ fn motion(arguments: &ConvertArguments) -> Result<(), Failure> {
 fn scene(arguments: &ConvertArguments) -> Result<(), Failure> {
     let ConvertArguments { input, output, frame_options, .. } = arguments;
     if frame_options.is_asked() {
-        let what = "is a scene; accepted with --fps, --frames and --key-tolerance: a bake";
+        let what = "is a scene; accepted with --fps, --frames, --key-tolerance, --new-stage and \
+             --instances: a bake";
         return Err(Failure::Input(format!("{}: {what}", input.display())));
     }
     let form = extension(output);

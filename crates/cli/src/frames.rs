@@ -3,7 +3,9 @@
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use drystone_bake::recording::{JointRecording, Recording, Sampling};
+use drystone_bake::recording::usda::BodiesAsPrims;
+use drystone_bake::recording::{JointRecording, Recording, Sampling, Velocities};
+use drystone_scene::Read;
 
 use crate::failure::Failure;
 use crate::quantity::{length, real};
@@ -30,6 +32,18 @@ pub(crate) struct FrameOptions {
     /// meter from the center of a body by the same length again [default: 0.01mm]
     #[arg(long, value_name = "LENGTH", value_parser = tolerance)]
     key_tolerance: Option<f64>,
+
+    /// Write .usda as a stage of its own even if the scene is OpenUSD: bodies and the shapes that
+    /// collide, without materials and textures. Else it is a layer over the scene's stage, which
+    /// has to stay where it is relative to the layer
+    #[arg(long)]
+    new_stage: bool,
+
+    /// Write moving bodies of equal shapes to .usda as instances of one prototype, a PointInstancer
+    /// for each shape, without physics; bodies with joints stay prims. An OpenUSD scene needs
+    /// --new-stage with it
+    #[arg(long)]
+    instances: bool,
 }
 
 /// A motion to write.
@@ -41,12 +55,37 @@ pub(crate) struct OutputMotion<'a> {
     pub(crate) contacts: &'a [u32],
     /// Joints, as far as they are known.
     pub(crate) joints: Cow<'a, JointRecording>,
+    /// Velocities, as far as they are known.
+    pub(crate) velocities: Cow<'a, Velocities>,
 }
 
 impl FrameOptions {
     /// Whether any of the options is given.
     pub(crate) fn is_asked(&self) -> bool {
-        self.fps.is_some() || self.frames.is_some() || self.key_tolerance.is_some()
+        let keys = self.fps.is_some() || self.frames.is_some() || self.key_tolerance.is_some();
+        keys || self.new_stage || self.instances
+    }
+
+    /// True if .usda is to be a stage of its own, whatever the scene is.
+    pub(crate) fn new_stage(&self) -> bool {
+        self.new_stage
+    }
+
+    /// Returns how .usda holds bodies.
+    pub(crate) fn bodies_as_prims(&self) -> BodiesAsPrims {
+        if self.instances { BodiesAsPrims::Instances } else { BodiesAsPrims::Each }
+    }
+
+    /// Refuses options that do not fit the scene.
+    pub(crate) fn check(&self, read: &Read) -> Result<(), Failure> {
+        if self.instances && !self.new_stage && read.stage.is_some() {
+            return Err(Failure::Input(
+                "--instances: a layer over the stage of the scene keeps its prims; accepted: with \
+                 --new-stage, or another scene"
+                    .to_owned(),
+            ));
+        }
+        Ok(())
     }
 
     /// Returns the sampling of the motion.
@@ -79,28 +118,21 @@ impl FrameOptions {
     }
 
     /// Returns the requested part of a bake.
-    pub(crate) fn motion<'a>(
-        &self,
-        recording: &'a Recording,
-        names: &'a [String],
-        contacts: &'a [u32],
-        joints: &'a JointRecording,
-    ) -> Result<OutputMotion<'a>, Failure> {
+    pub(crate) fn motion<'a>(&self, whole: OutputMotion<'a>) -> Result<OutputMotion<'a>, Failure> {
+        let recording = &whole.recording;
         let start = recording.start;
-        let all = Cow::Borrowed(joints);
-        let whole =
-            OutputMotion { recording: Cow::Borrowed(recording), names, contacts, joints: all };
         let (Some(more), Some(_)) = (recording.frames().checked_sub(1), &self.frames) else {
             return Ok(whole);
         };
         let steps = self.steps(start..=start + more, recording.frame_time)?;
         let places = steps.start() - start..=steps.end() - start;
-        let contacts = contacts.get(places.clone()).unwrap_or_default();
+        let frame = recording.bodies * Velocities::stride(recording.dimension);
         Ok(OutputMotion {
+            contacts: whole.contacts.get(places.clone()).unwrap_or_default(),
+            velocities: Cow::Owned(whole.velocities.piece(&places, frame)),
+            joints: Cow::Owned(whole.joints.piece(places, start)),
             recording: Cow::Owned(recording.piece(steps)),
-            contacts,
-            joints: Cow::Owned(joints.piece(places, start)),
-            ..whole
+            names: whole.names,
         })
     }
 }

@@ -3,6 +3,7 @@
 mod bake;
 mod check;
 mod convert;
+mod decompose;
 mod extension;
 mod failure;
 #[cfg(feature = "fclib")]
@@ -34,6 +35,7 @@ enum Command {
     Bake(bake::BakeArguments),
     Check(check::CheckArguments),
     Convert(convert::ConvertArguments),
+    Decompose(decompose::DecomposeArguments),
     Matrix(matrix::MatrixArguments),
     Schema(schema::SchemaArguments),
     Solve(solve::SolveArguments),
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Bake(arguments) => bake::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Check(arguments) => check::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments).map(|()| ExitCode::SUCCESS),
+        Command::Decompose(arguments) => decompose::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Matrix(arguments) => matrix::run(&arguments).map(|()| ExitCode::SUCCESS),
         Command::Schema(_) => schema::run().map(|()| ExitCode::SUCCESS),
         Command::Solve(arguments) => solve::run(&arguments).map(|()| ExitCode::SUCCESS),

@@ -8,7 +8,7 @@ use drystone_bake::recording::compare::{Difference, differences};
 use drystone_bake::recording::journal;
 use drystone_bake::recording::npz;
 use drystone_bake::recording::poses;
-use drystone_bake::recording::{JointRecording, Named};
+use drystone_bake::recording::{JointRecording, Named, Velocities};
 use drystone_scene::Scene;
 
 use crate::extension::{extension, wrong_extension};
@@ -81,6 +81,7 @@ fn described(one: &Named, other: &Named) -> String {
     let farther = |x: Difference, y: Difference| if y.distance > x.distance { y } else { x };
     let mut text = line("first", differences(a, b).next());
     text += &line("farthest", differences(a, b).reduce(farther));
+    text += &velocities(one, other);
     for (title, [x, y]) in [
         ("first frame", [a.start, b.start]),
         ("frames", [a.frames(), b.frames()]),
@@ -92,6 +93,16 @@ fn described(one: &Named, other: &Named) -> String {
         }
     }
     text
+}
+
+/// Describes the largest difference of a component of velocities, if both bakes have as many.
+fn velocities(one: &Named, other: &Named) -> String {
+    let (a, b) = (&one.velocities.numbers, &other.velocities.numbers);
+    if a.len() != b.len() || a == b {
+        return String::new();
+    }
+    let by = a.iter().zip(b).map(|(x, y)| f64::from((x - y).abs())).fold(0.0, f64::max);
+    format!("velocities   differ by up to {by:.3e} m/s or rad/s\n")
 }
 
 fn bytes(path: &Path) -> Result<Vec<u8>, Failure> {
@@ -127,5 +138,6 @@ pub(crate) fn take(path: &Path, scene: Option<&Scene>) -> Result<Option<Named>, 
             scene.dimension
         ))
     })?;
-    Ok(Some(Named { recording, names: scene.names(), joints: JointRecording::default() }))
+    let (joints, velocities) = (JointRecording::default(), Velocities::default());
+    Ok(Some(Named { recording, names: scene.names(), joints, velocities }))
 }

@@ -7,6 +7,7 @@ use serde_json::Value;
 use crate::joint::Joint;
 pub use crate::rotation::Rotation;
 use crate::solid_mesh::DecompositionOptions;
+use crate::vertex_track::VertexTrack;
 
 /// A scene: its bodies, their initial state, and the length of the run.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +96,12 @@ pub struct Body {
     pub surface_velocity: Option<SurfaceVelocity>,
     /// One shape, or several that form a compound.
     pub shapes: Vec<Shape>,
-    /// Prescribed poses of a kinematic body. Without any, the body moves at its velocities.
+    /// Constant force on its center of mass. \[N\]
+    pub force: Vec<f64>,
+    /// True if a dynamic body sleeps at the start: nothing moves it until an awake body touches it.
+    pub start_asleep: bool,
+    /// Prescribed poses. A kinematic body without any moves at its velocities. A dynamic body follows
+    /// them as a kinematic one until the last, and is released with the velocity that it has then.
     pub track: Track,
 }
 
@@ -116,6 +122,8 @@ impl Body {
             angular_damping: 0.0,
             surface_velocity: None,
             shapes: vec![Shape::new(kind, D)],
+            force: vec![0.0; D],
+            start_asleep: false,
             track: Track::default(),
         }
     }
@@ -237,7 +245,20 @@ pub enum ShapeKind {
         /// Accuracy of the pieces that replace the mesh, on a dynamic body; the default if absent.
         #[serde(skip_serializing_if = "Option::is_none")]
         decomposition: Option<DecompositionOptions>,
+        /// Places of the vertices over time, on a static or kinematic body; they stay if absent.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        vertex_track: Option<VertexTrack>,
     },
+}
+
+impl ShapeKind {
+    /// Returns the places of the vertices over time, of a mesh that has them.
+    pub fn vertex_track(&self) -> Option<&VertexTrack> {
+        match self {
+            Self::Trimesh { vertex_track, .. } => vertex_track.as_ref(),
+            _ => None,
+        }
+    }
 }
 
 /// Velocity of a surface relative to its body, as of a belt or a turntable: v = linear + angular ×
@@ -345,7 +366,7 @@ impl Default for Filter {
     }
 }
 
-/// Poses over time of a kinematic body: interpolated between keys, constant before the first and
+/// Poses over time of a body: interpolated between keys, constant before the first and
 /// after the last.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Track {

@@ -147,6 +147,13 @@ pub(super) struct BodyDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1e6))]
     pub(super) angular_damping: Option<f64>,
+    /// Constant force on its center of mass [N]; 0 if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 2, max = 3))]
+    pub(super) force: Option<Vec<f64>>,
+    /// True if a dynamic body sleeps until an awake body touches it; false if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) start_asleep: Option<bool>,
     /// Velocity of its surface, such as of a conveyor belt, in the body's frame and about its
     /// origin; 0 if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -180,7 +187,8 @@ pub(super) struct BodyDocument {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schemars(default)]
     pub(super) shapes: Vec<ShapeDocument>,
-    /// Prescribed poses of a kinematic body; linear in between, held at the ends.
+    /// Prescribed poses; linear in between, held at the ends. A dynamic body follows them until the
+    /// last, and is released with the velocity that it has then.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     #[schemars(default)]
     pub(super) track: Vec<KeyDocument>,

@@ -108,7 +108,7 @@ fn read_tree(
 ) -> Result<Read, SceneError> {
     let walk = ReadContext { text, json, warnings: RefCell::default() };
     let scene = read_scene(&walk.root(tree, &""), engine)?;
-    Ok(Read { scene, warnings: walk.warnings.into_inner(), source: None })
+    Ok(Read { scene, warnings: walk.warnings.into_inner(), source: None, stage: None })
 }
 
 fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, SceneError> {

@@ -31,6 +31,7 @@ mod source;
 mod tables;
 mod unknown;
 
+pub use animation::BAKED;
 pub use container::contained;
 pub use source::{BodyNode, Source};
 
@@ -124,7 +125,7 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
     unknown::count_unknown(&mut warnings);
     let scene = Scene { name: scene_name(&root)?, bodies, joints, ..own(&root, engine)? };
     let source = Source { document, buffers, folder, bodies: body_nodes };
-    Ok(Read { scene, warnings, source: Some(source) })
+    Ok(Read { scene, warnings, source: Some(source), stage: None })
 }
 
 /// Reads settings that no extension can express from the extras of the document.

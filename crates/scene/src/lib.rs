@@ -50,10 +50,13 @@ pub mod schema;
 pub mod solid_mesh;
 mod solver;
 pub mod usd;
+mod vertex_track;
 mod whole;
 pub mod write;
 
 use std::path::Path;
+
+pub use vertex_track::{VertexTrack, VertexTrackFault};
 
 pub use description::{
     BodiesAs, Body, Combine, Filter, Mass, Material, Motion, Rotation, Scene, Shape, ShapeKind,

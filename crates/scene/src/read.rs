@@ -3,6 +3,7 @@
 use super::description::Scene;
 use super::error::Warning;
 use super::gltf::Source;
+use super::usd::StageSource;
 
 /// Result of reading a scene file.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,4 +14,6 @@ pub struct Read {
     pub warnings: Vec<Warning>,
     /// For glTF: the data needed to write the file again with an animation.
     pub source: Option<Source>,
+    /// For OpenUSD: the data needed to write a layer over the stage.
+    pub stage: Option<StageSource>,
 }

@@ -60,7 +60,7 @@ mod tests {
     use crate::format::joint::coordinate::{NAMES, PARAMETRIC};
     use crate::format::joint::frames::FRAME_KEYS;
     use crate::format::joint::{BREAKING_KEYS, JOINT_KEYS};
-    use crate::format::shape::{DECOMPOSITION_KEYS, SHAPE_KEYS};
+    use crate::format::shape::{DECOMPOSITION_KEYS, SHAPE_KEYS, VERTEX_TRACK_KEYS};
     use crate::format::surface::{COLLISION_KEYS, COMBINE, MATERIAL_KEYS, SURFACE_VELOCITY_KEYS};
 
     fn keys_of(schema: &Value) -> BTreeSet<&str> {
@@ -83,6 +83,7 @@ mod tests {
         assert_eq!(of("Collision"), set(COLLISION_KEYS));
         assert_eq!(of("SurfaceMotion"), set(SURFACE_VELOCITY_KEYS));
         assert_eq!(of("Decomposition"), set(DECOMPOSITION_KEYS));
+        assert_eq!(of("VertexTrack"), set(VERTEX_TRACK_KEYS));
         assert_eq!(of("Frame"), set(FRAME_KEYS));
         assert_eq!(of("Breaking"), set(BREAKING_KEYS));
         assert_eq!(of("Axis"), set(AXIS_KEYS));

@@ -22,21 +22,28 @@ mod filters;
 mod joint_axes;
 mod joints;
 mod layer;
+mod layering;
 mod lexer;
 mod mass;
 mod motion;
 mod parser;
 mod prims;
 mod shapes;
+mod source;
 mod stage;
 mod surfaces;
 mod tokens;
+mod transform;
+mod units;
 mod unsupported;
 mod value;
 mod xform;
 
 use std::collections::BTreeSet;
 use std::path::Path;
+
+pub use source::{StageBody, StageSource};
+pub use units::StageUnits;
 
 use self::files::Files;
 use self::stage::Stage;
@@ -84,11 +91,13 @@ pub fn read(file: &Path, engine: &dyn Engine) -> Result<Read, SceneError> {
             message: "no prim has a collider that acts: there is nothing to simulate".into(),
         });
     }
+    let places: Vec<_> = prims.iter().copied().zip(&bodies).collect();
+    let source = layering::source(file, &stage, &transforms, &places, &joints.prims);
     let scene = Scene { bodies, joints: joints.all, ..physics(&stage, &mut warnings)? };
     // A fault in a material is reported once, not for each collider that uses it.
     let mut told = BTreeSet::new();
     warnings.retain(|warning| told.insert(warning.message.clone()));
-    Ok(Read { scene, warnings, source: None })
+    Ok(Read { scene, warnings, source: None, stage: Some(source) })
 }
 
 /// Reads gravity, and the times and settings that UsdPhysics cannot express. A custom attribute

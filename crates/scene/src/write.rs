@@ -84,6 +84,8 @@ fn body_document(body: &Body, scene: &Scene) -> BodyDocument {
         gravity_factor: (body.gravity_factor != 1.0).then_some(body.gravity_factor),
         linear_damping: number_unless(body.linear_damping, 0.0),
         angular_damping: number_unless(body.angular_damping, 0.0),
+        force: unless(&body.force, &zero),
+        start_asleep: body.start_asleep.then_some(true),
         surface_velocity: body.surface_velocity.as_ref().map(surface_velocity),
         density: body.mass.density,
         mass: body.mass.mass.map(Unbounded::Number),

@@ -265,6 +265,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) slots: Slots,
     /// `None` if the slot is free.
     pub(crate) motion: Vec<Option<Motion>>,
+    /// True for dynamic bodies that are held: they move as kinematic ones.
+    pub(crate) held: Vec<bool>,
     pub(crate) user_data: Vec<u128>,
     /// v.
     pub(crate) velocities: Vec<Velocity<f32, L, A>>,
@@ -304,12 +306,18 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// Force and torque in the next step. The array may be shorter; further bodies have
     /// none. \[N, N m\]
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
+    /// Largest speed of a vertex relative to the body, while a mesh of the body deforms. The array
+    /// may be shorter; further bodies do not deform. \[m/s\]
+    pub(crate) surface_speeds: Vec<f32>,
+    /// Kinetic and potential energy that calls have given to held bodies since the last step. \[J\]
+    pub(crate) led_energy: [f64; 2],
 }
 
 /// Properties of bodies that stay constant through the substeps of a step.
 #[derive(Clone, Copy)]
 pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
     motion: &'a [Option<Motion>],
+    held: &'a [bool],
     gravity_factor: &'a [f32],
     pub(crate) damping: &'a [[f32; 2]],
     forces: &'a [Velocity<f32, L, A>],
@@ -321,7 +329,7 @@ pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
 
 impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
     pub(crate) fn is_dynamic(&self, body: usize) -> bool {
-        self.motion[body] == Some(Motion::Dynamic)
+        self.motion[body] == Some(Motion::Dynamic) && !self.held[body]
     }
 
     /// Returns true if a joint acts on a body.
@@ -410,6 +418,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         Self {
             slots: Slots::default(),
             motion: Vec::new(),
+            held: Vec::new(),
             user_data: Vec::new(),
             velocities: Vec::new(),
             inverse_masses: Vec::new(),
@@ -431,6 +440,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             thickness: Vec::new(),
             has_joint: Vec::new(),
             forces: Vec::new(),
+            surface_speeds: Vec::new(),
+            led_energy: [0.0; 2],
         }
     }
 
@@ -446,6 +457,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         let precession = if moved { inertia.precession() } else { Precession::NONE };
         let thickness = if moved { thickness::<G, L, A>(&body.colliders) } else { f32::INFINITY };
         put(&mut self.motion, slot, Some(body.motion));
+        put(&mut self.held, slot, false);
         put(&mut self.user_data, slot, body.user_data);
         put(&mut self.poses, slot, pose);
         put(&mut self.frames, slot, G::frame(&pose));
@@ -571,10 +583,112 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         });
     }
 
+    /// Appends a body of no shape that stands for the surface of another at a place `arm` \[m\]
+    /// from its center of mass, until the next [`truncate`](Self::truncate). It moves at `velocity`
+    /// there.
+    /// `lever` is the largest distance of its contact points from the place. \[m\]
+    pub(crate) fn push_carrier(
+        &mut self,
+        of: usize,
+        arm: Vector<f32, L>,
+        velocity: Velocity<f32, L, A>,
+        lever: f32,
+    ) {
+        self.motion.push(Some(Motion::Kinematic));
+        self.held.push(false);
+        self.user_data.push(0);
+        self.velocities.push(velocity);
+        self.inverse_masses.push(InverseMass::FIXED);
+        self.contact_gains.push(Velocity::ZERO);
+        let frame = self.frames[of];
+        self.poses.push(G::advance(&self.poses[of], arm, Vector::ZERO));
+        self.frames.push(Frame { position: frame.position + arm, ..frame });
+        self.position_remainders.push(self.position_remainders[of]);
+        self.path_lengths.push(0.0);
+        self.since_search.push(SearchMotion::NOWHERE);
+        self.moved_since_rebuild.push(f32::MAX);
+        self.needs_rebuild.push(true);
+        self.inertia.push(Inertia::FIXED);
+        self.precession.push(Precession::NONE);
+        self.spin_states.push(SpinState::default());
+        self.turned.push(false);
+        self.gravity_factor.push(0.0);
+        self.reach.push(Reach { all: lever, core: lever });
+        self.thickness.push(f32::INFINITY);
+    }
+
+    /// Removes the carriers after the first `bodies` bodies.
+    pub(crate) fn truncate(&mut self, bodies: usize) {
+        self.motion.truncate(bodies);
+        self.held.truncate(bodies);
+        self.user_data.truncate(bodies);
+        self.velocities.truncate(bodies);
+        self.inverse_masses.truncate(bodies);
+        self.contact_gains.truncate(bodies);
+        self.poses.truncate(bodies);
+        self.frames.truncate(bodies);
+        self.position_remainders.truncate(bodies);
+        self.path_lengths.truncate(bodies);
+        self.since_search.truncate(bodies);
+        self.moved_since_rebuild.truncate(bodies);
+        self.needs_rebuild.truncate(bodies);
+        self.inertia.truncate(bodies);
+        self.precession.truncate(bodies);
+        self.spin_states.truncate(bodies);
+        self.turned.truncate(bodies);
+        self.gravity_factor.truncate(bodies);
+        self.reach.truncate(bodies);
+        self.thickness.truncate(bodies);
+    }
+
+    /// Returns the largest speed of a vertex of a body that deforms, else 0. \[m/s\]
+    pub(crate) fn surface_speed(&self, body: usize) -> f32 {
+        self.surface_speeds.get(body).copied().unwrap_or(0.0)
+    }
+
+    /// Adds the motion of the surfaces of bodies that deform for `dt` \[s\] to their paths, so that
+    /// their contacts are searched again.
+    pub(crate) fn deform(&mut self, dt: f32) {
+        for body in 0..self.surface_speeds.len() {
+            let moved = self.surface_speeds[body] * dt;
+            if moved > 0.0 {
+                self.path_lengths[body] += f64::from(moved);
+                self.since_search[body].turned += moved;
+                self.moved_since_rebuild[body] = f32::MAX;
+            }
+        }
+    }
+
+    /// Makes the next step rebuild the contacts of a body.
+    pub(crate) fn rebuild_contacts(&mut self, body: usize) {
+        self.moved_since_rebuild[body] = f32::MAX;
+    }
+
+    /// Holds a dynamic body, which then moves as a kinematic one, or releases it.
+    pub(crate) fn set_held(&mut self, body: usize, held: bool) {
+        self.held[body] = held;
+        let inertia = &self.inertia[body];
+        self.precession[body] = if held { Precession::NONE } else { inertia.precession() };
+        self.set_inverse_mass(body);
+        self.rebuild_contacts(body);
+    }
+
+    /// Returns true if two bodies may touch anew: one of them is `active`, and one dynamic.
+    pub(crate) fn may_meet(&self, pair: [u32; 2], active: &[bool]) -> bool {
+        pair.iter().any(|&body| active[body as usize])
+            && pair.iter().any(|&body| self.is_dynamic(body as usize))
+    }
+
+    /// Returns true if forces move a body, or will once it is no longer held.
+    pub(crate) fn can_be_moved(&self, body: usize) -> bool {
+        self.motion[body] == Some(Motion::Dynamic)
+    }
+
     /// Returns the constant properties and the mutable state of the bodies.
     pub(crate) fn in_motion(&mut self) -> BodiesInMotion<'_, G, L, A> {
         let Self {
             motion,
+            held,
             gravity_factor,
             damping,
             forces,
@@ -586,6 +700,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         } = self;
         let properties = BodyParams {
             motion,
+            held,
             gravity_factor,
             damping,
             forces,
@@ -608,6 +723,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     fn properties(&self) -> BodyParams<'_, L, A> {
         BodyParams {
             motion: &self.motion,
+            held: &self.held,
             gravity_factor: &self.gravity_factor,
             damping: &self.damping,
             forces: &self.forces,
@@ -632,6 +748,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.properties().is_dynamic(body)
     }
 
+    /// Returns true if nothing moves a body.
+    pub(crate) fn is_static(&self, body: u32) -> bool {
+        self.motion[body as usize] == Some(Motion::Static)
+    }
+
     /// Returns x_a - x_b, including the rounding errors left out of the positions. Far from the
     /// origin an `f32` position is coarser than the gaps of contacts. \[m\]
     pub(crate) fn relative_position(&self, [a, b]: [u32; 2]) -> Vector<f32, L> {
@@ -643,10 +764,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
     /// Returns M of a body at its current pose. It is zero if the body is not dynamic, and zero
     /// along infinite entries.
     pub(crate) fn mass(&self, body: usize) -> Mass<L, A> {
+        if self.is_dynamic(body) { self.own_mass(body) } else { Mass::ZERO }
+    }
+
+    /// Returns M of a dynamic body at its current pose, whether it is held or not.
+    fn own_mass(&self, body: usize) -> Mass<L, A> {
         let inertia = &self.inertia[body];
-        if !self.is_dynamic(body) {
-            return Mass::ZERO;
-        }
         Mass {
             linear: if inertia.mass.is_finite() { f64::from(inertia.mass) } else { 0.0 },
             angular: G::frame(&self.poses[body]).tensor(inertia.moments).cast(),
@@ -685,17 +808,35 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    /// Returns -m g . x, summed over the dynamic bodies of finite mass. \[J\]
+    /// Returns -m g . x, summed over the dynamic bodies of finite mass that are not held. \[J\]
     pub(crate) fn potential_energy(&self, gravity: Vector<f32, L>) -> f64 {
-        let of = |(body, frame): (usize, &Frame<L>)| {
-            let mass = self.inertia[body].mass;
-            if !self.is_dynamic(body) || !mass.is_finite() {
-                return 0.0;
-            }
-            let fall = self.gravity_on(body, gravity).cast::<f64>().dot(frame.position.cast());
-            -f64::from(mass) * fall
-        };
-        self.frames.iter().enumerate().map(of).sum()
+        let of = |body| if self.is_dynamic(body) { self.height_energy(body, gravity) } else { 0.0 };
+        (0..self.frames.len()).map(of).sum()
+    }
+
+    /// Returns -m g . x of a dynamic body, or 0 if its mass is infinite. \[J\]
+    fn height_energy(&self, body: usize, gravity: Vector<f32, L>) -> f64 {
+        let mass = self.inertia[body].mass;
+        if !mass.is_finite() {
+            return 0.0;
+        }
+        let position = self.frames[body].position.cast::<f64>();
+        -f64::from(mass) * self.gravity_on(body, gravity).cast::<f64>().dot(position)
+    }
+
+    /// Returns the kinetic and the potential energy of a body that is held; zero of others. \[J\]
+    pub(crate) fn energy_if_held(&self, body: usize, gravity: Vector<f32, L>) -> [f64; 2] {
+        if !self.held[body] {
+            return [0.0; 2];
+        }
+        let kinetic = 0.5 * self.own_mass(body).squared(&self.velocities[body].cast());
+        [kinetic, self.height_energy(body, gravity)]
+    }
+
+    /// Returns the kinetic and the potential energy of all bodies that are held. \[J\]
+    pub(crate) fn held_energy(&self, gravity: Vector<f32, L>) -> [f64; 2] {
+        let of = |body| self.energy_if_held(body, gravity);
+        (0..self.held.len()).map(of).fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
     }
 
     /// Returns the pose of the body's origin.

@@ -1,12 +1,13 @@
 //! Solving to a tolerance: islands, contact stiffness, certificates and jams.
 
+use drystone_solver::certificate::CertificateScratch;
 use drystone_solver::island::{self, Islands};
 use drystone_solver::jam::{self, Jam};
 use drystone_solver::ladder::{IslandSolver, SolveReport};
 use drystone_solver::lanes::LaneSystem;
 use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::solution::Goal;
-use drystone_solver::{InverseMass, System, Velocity};
+use drystone_solver::{InverseMass, Manifold, System, Velocity};
 #[cfg(feature = "serde")]
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,9 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     /// Compliances of [`Stiffness`].
     compliances: Vec<[f32; 2]>,
     pub(crate) jam_schedule: JamSchedule,
+    /// Two bodies with one contact manifold or joint, and memory for their residual.
+    pair: System<f64, L, A>,
+    scratch: CertificateScratch<L, A>,
 }
 
 /// Schedule of the searches for jams: the interval doubles each time that there are none.
@@ -246,6 +250,48 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         }
     }
 
+    /// Finds the body that a report on the worst island should name: one at the contact or joint
+    /// of that island with the largest residual. The solver names the first body of the island.
+    ///
+    /// `system` holds the contacts as they were solved. Of two movable bodies it takes the lighter.
+    pub(crate) fn name_worst(
+        &mut self,
+        outcome: &mut SolveReport,
+        system: &System<f32, L, A>,
+        joints: &Mechanisms<L, A>,
+    ) {
+        let Self { islands, pair, scratch, .. } = self;
+        let of_body = |body: u32| islands.of_body.get(body as usize).copied();
+        let Some(island) = outcome.worst.and_then(of_body) else { return };
+        let mut largest = 0.0f64;
+        let mut keep = |residual: f64, bodies: [u32; 2]| {
+            if residual.total_cmp(&largest).is_gt() {
+                largest = residual;
+                let own = bodies.into_iter().filter(|&body| of_body(body) == Some(island));
+                let mass = |body: u32| system.masses[body as usize].linear;
+                let lighter = own.reduce(|a, b| if mass(b) > mass(a) { b } else { a });
+                outcome.worst = lighter.or(outcome.worst);
+            }
+        };
+        for manifold in &system.manifolds {
+            let bodies = manifold.bodies;
+            if islands.of_pair(bodies) == island {
+                take_pair(pair, system, bodies);
+                let contacts = &system.contacts[manifold.points()];
+                pair.contacts.extend(contacts.iter().map(|contact| contact.cast()));
+                pair.manifolds.push(Manifold { bodies: [0, 1], first: 0, ..manifold.cast() });
+                keep(residual(pair, scratch), bodies);
+            }
+        }
+        for joint in &joints.joints {
+            if islands.of_pair(joint.bodies) == island {
+                take_pair(pair, system, joint.bodies);
+                pair.add_joint([0, 1], &joints.axes[joint.axes()]);
+                keep(residual(pair, scratch), joint.bodies);
+            }
+        }
+    }
+
     /// Returns the certificate of a substep, with its present velocities and impulses.
     pub(crate) fn certify_sweeps(
         &mut self,
@@ -255,6 +301,32 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     ) -> SolveReport {
         self.island_solver.examine(velocities, constraints, prospective, &self.islands)
     }
+}
+
+/// Returns the residual of the only manifold or joint of a system.
+fn residual<const L: usize, const A: usize>(
+    pair: &System<f64, L, A>,
+    scratch: &mut CertificateScratch<L, A>,
+) -> f64 {
+    scratch.set_masses(pair);
+    scratch.certify(pair, &pair.velocities).natural_residual
+}
+
+/// Makes `pair` a system of two bodies of another, without contacts and joints.
+fn take_pair<const L: usize, const A: usize>(
+    pair: &mut System<f64, L, A>,
+    of: &System<f32, L, A>,
+    bodies: [u32; 2],
+) {
+    let bodies = bodies.map(|body| body as usize);
+    pair.velocities.clear();
+    pair.velocities.extend(bodies.map(|body| of.velocities[body].cast()));
+    pair.masses.clear();
+    pair.masses.extend(bodies.map(|body| of.masses[body].cast()));
+    pair.manifolds.clear();
+    pair.contacts.clear();
+    pair.joints.clear();
+    pair.axes.clear();
 }
 
 #[cfg(test)]

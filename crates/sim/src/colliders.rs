@@ -8,7 +8,8 @@ use crate::bodies::{Bodies, Collider, GRAIN, SurfaceVelocity, extent, smallest};
 use crate::body::{Filter, Material, Motion};
 use crate::broad_phase::BroadPhase;
 use crate::cache::Pair;
-use crate::geometry::{Bounds, Frame, Geometry};
+use crate::carriers::MeshMotion;
+use crate::geometry::{Bounds, Frame, Geometry, Reach};
 use crate::ids::{Slots, put};
 use crate::joints::Joints;
 use crate::sleep::Sleep;
@@ -59,6 +60,8 @@ pub(crate) struct Colliders<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// A shape has a margin in its box while the sum of its body's path, its displacement ahead and
     /// the search distance is less than this. \[m\]
     margin_until: Vec<f64>,
+    /// Meshes whose vertices move in the next step, by collider.
+    pub(crate) mesh_motions: Vec<MeshMotion<L>>,
 }
 
 /// Surface velocity of a shape.
@@ -94,7 +97,35 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             belts: Vec::new(),
             outgrown: Vec::new(),
             margin_until: Vec::new(),
+            mesh_motions: Vec::new(),
         }
+    }
+
+    /// Returns the motion of the vertices of a mesh in this step, if they move.
+    pub(crate) fn mesh_motion(&self, collider: u32) -> Option<&MeshMotion<L>> {
+        let found = self.mesh_motions.binary_search_by_key(&collider, |of| of.collider);
+        found.ok().map(|at| &self.mesh_motions[at])
+    }
+
+    /// Gives a mesh other vertices, if they are as many. Returns its body.
+    pub(crate) fn set_vertices(&mut self, id: usize, vertices: &[Vector<f32, L>]) -> usize {
+        if let Some(shape) = G::with_vertices(G::shape_of(&self.shapes[id]), vertices) {
+            self.shapes[id] = G::prepare(shape);
+            self.margin_until[id] = 0.0;
+        }
+        self.body[id] as usize
+    }
+
+    /// Returns the reach of the shapes of a body from its center of mass.
+    pub(crate) fn reach(&self, body: usize) -> Reach {
+        let own =
+            |id: u32| G::reach(G::shape_of(&self.shapes[id as usize]), &self.local[id as usize]);
+        self.of_body(body).fold(Reach::default(), |all, id| all.joined(&own(id)))
+    }
+
+    /// Returns the pose of a shape in the frame of its body's center of mass.
+    pub(crate) fn local_pose(&self, id: usize) -> &G::Pose {
+        &self.local[id]
     }
 
     /// Adds a shape to a body, at this pose in the frame of its center of mass.
@@ -239,6 +270,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             self.slots.vacate(slot);
             self.vacated.push(collider);
             self.shapes[slot] = G::placeholder();
+            self.mesh_motions.retain(|motion| motion.collider != collider);
             self.set_belt(slot, None);
             let surface = self.surface[slot];
             self.uses[surface as usize] -= 1;
@@ -351,7 +383,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
                     continue;
                 }
                 let (frame, ahead) = (&bodies.frames[body], travel[body].linear);
-                let reach = reach + travel[body].swing(thickness[id]);
+                let reach = reach + travel[body].swing(thickness[id]) + travel[body].deformed;
                 *turned = turn::<G, L, A>(&local[id], &bodies.poses[body], frame);
                 if bodies.path_lengths[body] + f64::from(ahead.length() + reach) < *margin_until {
                     continue;
@@ -387,7 +419,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
     pub(crate) fn pair(&self, bodies: &Bodies<G, L, A>, pair: [u32; 2]) -> Option<Pair> {
         let [a, b] = pair.map(|id| id as usize);
         let owners = [self.body[a], self.body[b]];
-        let moved = owners.iter().any(|&body| bodies.is_dynamic(body as usize));
+        let moved = owners.iter().any(|&body| bodies.can_be_moved(body as usize));
         let [(p, own), (q, other)] = [a, b].map(|id| &self.surfaces[self.surface[id] as usize]);
         if owners[0] == owners[1] || !moved || !own.collides(other) {
             return None;

@@ -1,11 +1,12 @@
-//! [`Touching`]: the contacts of a step as games and sounds need them, without a copy of the
-//! contact system.
+//! [`Touching`] and [`PairImpulse`]: the contacts of a step as games, sounds and dust need them,
+//! without a copy of the contact system.
 
 use drystone_solver::Vector;
 
 use crate::cache::Pair;
 use crate::geometry::Geometry;
 use crate::ids::{BodyId, ColliderId};
+use crate::impulses::PairSum;
 use crate::world::World;
 
 /// Two colliders that touch.
@@ -27,18 +28,60 @@ pub struct Touching<const L: usize> {
     pub impulse: f32,
 }
 
+/// Normal impulses between two colliders in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PairImpulse<const L: usize> {
+    /// Bodies a and b.
+    pub bodies: [BodyId; 2],
+    /// Their colliders.
+    pub colliders: [ColliderId; 2],
+    /// Unit normal, from b towards a: the mean of those of the contact points, weighted by
+    /// impulses. Zero if they cancel.
+    pub normal: Vector<f32, L>,
+    /// World position: the mean of the contact points, weighted by impulses, each on the surface
+    /// of the body that moved less. \[m\]
+    pub point: Vector<f32, L>,
+    /// Sum over contact points and substeps, impacts included; positive. \[N s\]
+    pub impulse: f32,
+    /// Largest speed at which the surfaces approach each other at one of the contact points, with
+    /// the velocities before the step. \[m/s\]
+    pub speed: f32,
+}
+
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// Turns the recording of impulses for [`World::touching`] on or off. It is off by default:
-    /// then a step takes its islands one after the other through all substeps, which is faster.
+    /// Turns the recording of impulses for [`World::touching`] and [`World::impulses`] on or off.
+    /// It is off by default: then a step takes its islands one after the other through all
+    /// substeps, which is faster.
     pub fn record_impulses(&mut self, recording: bool) {
         self.execution.recording = recording;
-        self.scratch.pair_impulses.clear();
+        self.scratch.impulses.pairs.clear();
     }
 
     /// Returns the colliders that touched at the end of the last step, or pushed each other in it,
     /// sleepers included. One entry for each pair of colliders, in the order of their slots.
     pub fn touching(&self) -> impl Iterator<Item = Touching<L>> + '_ {
         self.contacts.pairs.iter().filter_map(|pair| self.touching_of(pair))
+    }
+
+    /// Returns the impulses of the last step, also those of colliders that have parted since, if
+    /// steps record them ([`World::record_impulses`]). One entry for each pair of colliders that
+    /// pushed each other, in the order of their slots; none for sleepers.
+    pub fn impulses(&self) -> impl Iterator<Item = PairImpulse<L>> + '_ {
+        self.scratch.impulses.pairs.iter().filter_map(|PairSum { colliders, bodies, sum }| {
+            let colliders = colliders.map(|slot| self.collider_at(slot as usize));
+            let bodies = bodies.map(|slot| self.body_at(slot as usize));
+            let ([Some(p), Some(q)], [Some(a), Some(b)]) = (colliders, bodies) else {
+                return None;
+            };
+            (sum.impulse > 0.0).then(|| PairImpulse {
+                bodies: [a, b],
+                colliders: [p, q],
+                normal: sum.normal(),
+                point: sum.point(),
+                impulse: sum.impulse,
+                speed: sum.speed,
+            })
+        })
     }
 
     fn touching_of(&self, pair: &Pair) -> Option<Touching<L>> {
@@ -57,9 +100,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         let (normal, point, gap) = deepest?;
-        let recorded = &self.scratch.pair_impulses;
-        let found = recorded.binary_search_by_key(&pair.colliders, |(colliders, _)| *colliders);
-        let impulse = found.map_or(0.0, |at| recorded[at].1);
+        let impulse = self.scratch.impulses.of(pair.colliders).map_or(0.0, |sum| sum.impulse);
         let touches = gap <= 0.0 || is_pressed || impulse > 0.0;
         let colliders = pair.colliders.map(|slot| self.collider_at(slot as usize));
         let bodies = pair.bodies.map(|slot| self.body_at(slot as usize));

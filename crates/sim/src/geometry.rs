@@ -173,6 +173,27 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         ray: &Ray<L>,
     ) -> Option<SurfaceHit<L>>;
 
+    /// Returns the vertices of a triangle mesh, or `None` for other shapes. \[m\]
+    fn vertices(_: &Self::Shape) -> Option<Vec<Vector<f32, L>>> {
+        None
+    }
+
+    /// Returns a triangle mesh with the same triangles and other vertices \[m\], or `None` for other
+    /// shapes and another number of vertices.
+    fn with_vertices(_: &Self::Shape, _vertices: &[Vector<f32, L>]) -> Option<Self::Shape> {
+        None
+    }
+
+    /// Returns the first triangle of a mesh without an area for these vertices. \[m\]
+    fn flat_triangle(_: &Self::Shape, _vertices: &[Vector<f32, L>]) -> Option<usize> {
+        None
+    }
+
+    /// Returns the place on a triangle mesh that is nearest to a point, or `None` for other shapes.
+    fn nearest_on_mesh(_: &Self::Shape, _point: Vector<f32, L>) -> Option<MeshPlace> {
+        None
+    }
+
     /// Reports each manifold of points at which two shapes overlap or are within the distance of
     /// `ahead`.
     ///
@@ -186,6 +207,15 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         scratch: &mut Self::Scratch,
         report: &mut dyn FnMut(&ContactManifold<L>),
     ) -> f32;
+}
+
+/// A place on a triangle mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeshPlace {
+    /// Vertices of its triangle.
+    pub corners: [u32; 3],
+    /// Its barycentric coordinates. \[1\]
+    pub weights: [f32; 3],
 }
 
 /// Distances that a contact query looks ahead.

@@ -52,8 +52,56 @@ pub enum InputError {
     },
     /// A joint cannot be what it is described to be.
     Joint(JointFault),
+    /// The vertices of a mesh cannot be what they are asked to be.
+    Mesh(MeshFault),
+    /// The body is static or kinematic, or held: forces do not move it.
+    NotDynamic,
     /// A static body has no velocity. Use [`World::set_pose`](crate::World::set_pose) to move it.
     Static,
+}
+
+/// Why the vertices of a mesh are rejected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum MeshFault {
+    /// No collider of this world has the identifier.
+    Unknown,
+    /// The shape of the collider is no triangle mesh.
+    NotAMesh,
+    /// The body of the mesh is not kinematic.
+    NotKinematic,
+    /// There are not as many numbers as the mesh has vertices.
+    Vertices {
+        /// Number of vertices of the mesh.
+        expected: usize,
+        /// Number of vertices given.
+        found: usize,
+    },
+    /// A triangle has no area.
+    FlatTriangle(usize),
+}
+
+impl Display for MeshFault {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown => f.write_str(
+                "the collider is not in this world: its body was removed, or is of another world",
+            ),
+            Self::NotAMesh => {
+                f.write_str("the collider is no triangle mesh; accepted: a triangle mesh of 3D")
+            }
+            Self::NotKinematic => f.write_str(
+                "the body of the mesh is not kinematic; accepted: a mesh of a kinematic body",
+            ),
+            Self::Vertices { expected, found } => {
+                write!(f, "{found} vertices are given; accepted: {expected}, as the mesh has")
+            }
+            Self::FlatTriangle(triangle) => write!(
+                f,
+                "triangle {triangle} of the mesh has no area with these vertices; accepted: three \
+                 corners that are not on one line"
+            ),
+        }
+    }
 }
 
 /// Why a joint is rejected.
@@ -126,6 +174,10 @@ impl Display for InputError {
                  triangle mesh, one per collider"
             ),
             Self::Joint(fault) => write!(f, "{fault}"),
+            Self::Mesh(fault) => write!(f, "{fault}"),
+            Self::NotDynamic => {
+                f.write_str("the body is not dynamic; accepted: a dynamic body that is not held")
+            }
             Self::Static => f.write_str(
                 "the body is static and has no velocity; \
                  accepted: a dynamic or kinematic body, or set_pose",
@@ -137,6 +189,11 @@ impl Display for InputError {
 impl std::error::Error for InputError {}
 
 type Checked = Result<(), InputError>;
+
+/// Rejects a speed of a vertex that is too large. \[m/s\]
+pub(crate) fn check_vertex_speed(speed: f32) -> Checked {
+    within("the speed of a vertex [m/s]", f64::from(speed), [0.0, FAST])
+}
 
 /// Rejects a number outside of these bounds, or NaN.
 pub(crate) fn within(item: impl Display, value: f64, [least, most]: [f64; 2]) -> Checked {

@@ -2,7 +2,7 @@
 
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
-use crate::joints::BodyPlaces;
+use crate::joints::{BodyPlaces, WORLD};
 use crate::report::StepReport;
 use crate::solving::ConstraintSolver;
 use crate::step_scratch::StepScratch;
@@ -16,12 +16,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if self.sleep.count() == 0 {
             return;
         }
-        let joined: Vec<Vec<u32>> =
-            joints.taken().map(|(_, record)| record.members().collect()).collect();
-        for members in joined {
-            let is_active = |body: &u32| self.sleep.is_active(&self.bodies, *body as usize);
-            if members.iter().any(is_active) {
-                members.iter().for_each(|&body| {
+        for slot in 0..joints.records.len() {
+            if !self.solver.joints.slots.is_taken(slot) {
+                continue;
+            }
+            let bodies = self.solver.joints.records[slot].bodies;
+            let members = bodies.into_iter().filter(|body| *body != WORLD);
+            let is_active = |body: u32| self.sleep.is_active(&self.bodies, body as usize);
+            if members.clone().any(is_active) {
+                members.for_each(|body| {
                     self.wake_slot(body as usize);
                 });
             }
@@ -76,7 +79,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.stiffen_pulled(h);
         let StepScratch { displacements, prospective, .. } = &self.scratch;
-        self.solver.joints.warm_start(&mut self.bodies, displacements, prospective);
+        let exact = self.settings.tolerance > 0.0;
+        self.solver.joints.warm_start(&mut self.bodies, displacements, prospective, exact);
     }
 
     /// Gives bodies that hang in pulling joints the inertia with which they follow the pull
@@ -84,9 +88,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn stiffen_pulled(&mut self, h: f32) {
         let displacements = &self.scratch.displacements;
         let at = BodyPlaces { bodies: &self.bodies, displacements };
-        let surpluses = self.solver.joints.surpluses(&at, f64::from(h));
+        self.solver.joints.find_surpluses(&at, f64::from(h));
         self.scratch.true_masses.clear();
-        for (body, surplus) in surpluses {
+        let surpluses = std::mem::take(&mut self.solver.joints.surpluses);
+        for &(body, surplus) in &surpluses {
             let index = body as usize;
             let mass = self.bodies.mass(index).angular;
             let mut stiffened = mass;
@@ -103,6 +108,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 velocity.angular = (inverse * (mass * velocity.angular.cast())).cast();
             }
         }
+        self.solver.joints.surpluses = surpluses;
         if !self.scratch.true_masses.is_empty() {
             self.solver.joints.mechanisms.renew(&self.bodies.inverse_masses);
             self.follow_masses();
@@ -139,6 +145,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.solve_aiming(&mut self.bodies.velocities);
     }
 
+    /// Returns true if locks add energy and got other targets: the substep is to be solved again.
+    pub(crate) fn tame_joints(&mut self) -> bool {
+        let Bodies { velocities, inverse_masses, .. } = &self.bodies;
+        let prospective = &self.scratch.prospective;
+        self.solver.joints.tame(velocities, prospective, inverse_masses)
+    }
+
     /// Breaks the joints that bear more than their strength. Returns true if there were any.
     pub(crate) fn snap_joints(&mut self) -> bool {
         let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
@@ -157,14 +170,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let prospective = &mut self.scratch.prospective;
             joints.mechanisms.apply(prospective, &self.bodies.inverse_masses);
             self.unstiffen();
-        }
-    }
-
-    /// Adds the joint impulses of the previous relaxing, and sets the laws of this one.
-    pub(crate) fn begin_relaxing_joints(&mut self) {
-        let joints = &mut self.solver.joints;
-        if !joints.is_idle() {
-            joints.begin_relaxing(&mut self.bodies.velocities, &self.bodies.inverse_masses);
         }
     }
 

@@ -12,6 +12,8 @@
 //! relaxing. So bodies move as under the mean force, and end with velocities that J allows (RATTLE,
 //! Andersen 1983).
 
+use std::ops::Range;
+
 use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, Vector, Velocity};
 
@@ -45,8 +47,15 @@ const FAST_TURN: f32 = 0.005;
 /// Largest miss of a joint at the end of a substep that is solved no more. \[m, or rad\]
 const MOST_MISS: f64 = 1e-5;
 
-/// Miss of a joint at which targets follow the path no more. \[m, or rad\]
+/// Miss of a joint at which targets follow the path no more, in a solve to a tolerance. \[m, or rad\]
 const LEAST_MISS: f64 = 1e-8;
+
+/// Energy that the locks of a mechanism add in a substep, as a part of what it has, beyond which their
+/// targets are wrong. \[1\]
+const MOST_GAIN: f64 = 0.5;
+
+/// Speed that locks may give a mechanism at rest. \[m/s\]
+const LEAST_SPEED: f64 = 1.0;
 
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
@@ -103,12 +112,21 @@ pub(crate) struct RowState {
     pub(crate) solved_before: f64,
 }
 
+/// A joint that can act, and which of its bodies can move.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Candidate {
+    slot: u32,
+    moves: [bool; 2],
+}
+
 /// The joints of a world.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Joints<const L: usize, const A: usize> {
     pub(crate) slots: Slots,
     /// By slot.
     pub(crate) records: Vec<JointRecord>,
+    /// Joints that can act in the last [choice](Self::choose), and in this one.
+    candidates: [Vec<Candidate>; 2],
     /// Slots of the joints that act, mechanism by mechanism.
     acting: Vec<u32>,
     /// Their pairs of bodies.
@@ -133,20 +151,28 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     ahead: Vec<Place>,
     /// Velocities with the lasting impulses of the joints, without those of contacts.
     paths: Vec<Velocity<f32, L, A>>,
+    /// By mechanism: its joints, among those that act.
+    groups: Vec<Range<usize>>,
     /// By mechanism: whether a body touches another one.
     touches: Vec<bool>,
     /// By mechanism: whether its targets are to follow the path that its joints leave, and the
     /// largest change of its targets. \[m/s, or rad/s\]
     aims: Vec<bool>,
     changes: Vec<f64>,
-    /// Pulls on each body ([`tension`]).
+    last_changes: Vec<f64>,
+    /// Bodies that precess while targets look ahead.
+    spinning: Vec<u32>,
+    /// Pulls on each body ([`tension`]), and the inertia that they add to bodies.
     tensions: Vec<Tension>,
+    pub(crate) surpluses: Vec<(u32, SymmetricMatrix<f64, A>)>,
     /// True if the rows of the joints that act must be rebuilt.
     is_stale: bool,
     /// Length of the last step. \[s\]
     pub(crate) last_step: f64,
     /// Pairs of bodies whose shapes do not collide, in ascending order.
     separated: Vec<[u32; 2]>,
+    /// Joints with locks by their bodies, in ascending order. Bodies that stand still are [`WORLD`].
+    locked: Vec<([u32; 2], u32)>,
 }
 
 /// Where the bodies are: poses, and displacements since the search.
@@ -196,7 +222,9 @@ fn place_of(body: u32, places: &[Place], indices: &[u32]) -> Place {
 }
 
 /// Returns a row in the dimension of a world.
-fn flattened<const L: usize, const A: usize>(row: &Velocity<f64, 3, 3>) -> Velocity<f64, L, A> {
+pub(crate) fn flattened<const L: usize, const A: usize>(
+    row: &Velocity<f64, 3, 3>,
+) -> Velocity<f64, L, A> {
     Velocity {
         linear: Vector(std::array::from_fn(|i| row.linear[i])),
         angular: Vector(std::array::from_fn(|i| row.angular[if A == 1 { 2 } else { i }])),
@@ -243,6 +271,35 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         std::mem::replace(&mut self.separated, separated) != self.separated
     }
 
+    /// Finds the joints with locks. Returns the slots of joints that hold other contacts than before.
+    pub(crate) fn find_locked(&mut self, is_static: impl Fn(u32) -> bool) -> Vec<u32> {
+        let of = |body| if body != WORLD && is_static(body) { WORLD } else { body };
+        let mut locked: Vec<_> = self
+            .taken()
+            .filter(|(_, record)| record.collide && record.enabled && !record.broken)
+            .filter(|(_, record)| record.rows.iter().any(|row| row.role.is_rigid_lock()))
+            .map(|(slot, record)| (ascending(record.bodies.map(of)), slot as u32))
+            .collect();
+        locked.sort_unstable();
+        let before = std::mem::replace(&mut self.locked, locked);
+        let (gone, new) = (but_for(&before, &self.locked), but_for(&self.locked, &before));
+        gone.chain(new).map(|(_, slot)| slot).collect()
+    }
+
+    /// Returns the joints with locks between two bodies that collide, with [`WORLD`] for bodies that
+    /// stand still.
+    pub(crate) fn locked_between(&self, bodies: [u32; 2]) -> &[([u32; 2], u32)] {
+        let bodies = ascending(bodies);
+        let first = self.locked.partition_point(|(own, _)| *own < bodies);
+        let count = self.locked[first..].partition_point(|(own, _)| *own == bodies);
+        &self.locked[first..first + count]
+    }
+
+    /// Returns true if joints hold contacts of a body ([`held_contacts`](crate::held_contacts)).
+    pub(crate) fn has_locked(&self) -> bool {
+        !self.locked.is_empty()
+    }
+
     /// Returns the joints and their slots.
     pub(crate) fn taken(&self) -> impl Iterator<Item = (usize, &JointRecord)> {
         self.records.iter().enumerate().filter(|(slot, _)| self.slots.is_taken(*slot))
@@ -261,18 +318,22 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let is_stale = std::mem::take(&mut self.is_stale);
         let masses = &bodies.inverse_masses;
         let moves = |body: &u32| *body != WORLD && masses[*body as usize] != InverseMass::FIXED;
-        let mut acting: Vec<u32> = Vec::new();
-        for (slot, record) in self.taken() {
-            if record.enabled && !record.broken && record.bodies.iter().any(moves) {
-                acting.push(slot as u32);
-            }
+        let [before, mut candidates] = std::mem::take(&mut self.candidates);
+        candidates.clear();
+        candidates.extend(self.taken().filter_map(|(slot, record)| {
+            let moves = [0, 1].map(|side| moves(&record.bodies[side]));
+            let acts = record.enabled && !record.broken && moves.contains(&true);
+            acts.then_some(Candidate { slot: slot as u32, moves })
+        }));
+        let is_same = before == candidates;
+        self.candidates = [candidates, before];
+        if is_same && !is_stale {
+            return false;
         }
+        let acting: Vec<u32> = self.candidates[0].iter().map(|of| of.slot).collect();
         let pairs: Vec<_> = acting.iter().map(|&slot| pair(&self.records[slot as usize])).collect();
         let order = Mechanisms::<L, A>::order(&pairs, masses);
         let acting: Vec<u32> = order.iter().map(|&index| acting[index as usize]).collect();
-        if acting == self.acting && !is_stale {
-            return false;
-        }
         self.pairs = order.iter().map(|&index| pairs[index as usize]).collect();
         self.acting = acting;
         self.connect(bodies, gravity);
@@ -284,6 +345,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let groups = self.mechanisms.groups();
         self.touches.clear();
         self.touches.extend(groups.map(|(_, members)| members.iter().any(|&body| touches(body))));
+    }
+
+    /// Returns true if a body of a mechanism touches another one.
+    pub(crate) fn touch(&self) -> bool {
+        self.touches.contains(&true) && !self.is_idle()
     }
 
     /// Prepares for the joints that act.
@@ -311,6 +377,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         params.clear();
         params.resize(mechanisms.axes.len(), NO_PARAMS);
         compliances.clear();
+        self.groups.clear();
+        self.groups.extend(mechanisms.groups().map(|(joints, _)| joints));
         for (joints, members) in mechanisms.groups() {
             let mass: f64 = members.iter().map(|&body| bodies.mass(body as usize).linear).sum();
             let weight = mass * gravity.max(LEAST_GRAVITY);
@@ -354,8 +422,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
             for (axis, params) in axes.iter_mut().zip(&mut params[joint.axes()]) {
                 let mobility = axis.mobility(&own);
-                let is_turn = axis.jacobian.iter().all(|own| own.linear == Vector::ZERO);
-                let scale = if is_turn && unit > 0.0 { mobility / unit } else { 1.0 };
+                let scale = if axis.is_turn() && unit > 0.0 { mobility / unit } else { 1.0 };
                 let compliance = REPAIR * stretch * *softness * scale / (h * h);
                 let repair = [REPAIR, speed * scale.sqrt()];
                 *params = RowParams { h, mobility, compliance, repair };
@@ -385,59 +452,66 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         velocities: &[Velocity<f32, L, A>],
         h: f64,
     ) {
-        let Self { mechanisms, indices, here, ahead, aims, .. } = self;
-        let (bodies, mut spins, mut spinning) = (at.bodies, Vec::new(), Vec::new());
+        let Self { mechanisms, indices, here, ahead, aims, spinning, .. } = self;
+        let bodies = at.bodies;
+        spinning.clear();
         let due = mechanisms.groups().zip(&*aims).filter(|(_, aims)| **aims);
         for &body in due.flat_map(|((_, members), _)| members) {
+            let slot = body;
             let (body, index) = (body as usize, indices[body as usize] as usize);
             let (velocity, place) = (&velocities[body], &mut ahead[index]);
             place.position = here[index].position + in_space(velocity.linear) * h;
             let turn = velocity.angular * h as f32;
-            let precession = bodies.precession[body];
-            if A == 3 && precession.rate > 0.0 && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-                let Inertia { moments, inverse_moments, .. } = &bodies.inertia[body];
-                spins.push(Spin {
-                    pose: bodies.poses[body],
-                    moments: [moments, inverse_moments],
-                    precession,
-                    omega: velocity.angular,
-                    remainder: bodies.spin_states[body].remainder,
-                });
-                spinning.push(index);
+            let precesses = bodies.precession[body].rate > 0.0;
+            if A == 3 && precesses && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                spinning.push(slot);
             } else {
                 place.turn = Turn::by(in_space(velocity.angular) * h).of(&here[index].turn);
             }
         }
         let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
-        for (spins, indices) in spins.chunks(PRECESS_LANES).zip(spinning.chunks(PRECESS_LANES)) {
-            let all = std::array::from_fn(|lane| spins[lane.min(spins.len() - 1)]);
-            G::precess(&all, spins.len(), h as f32, |lane, pose, _| {
-                let (index, back) = (indices[lane], rotation(&spins[lane].pose).inverse());
+        let spin = |body: u32| {
+            let body = body as usize;
+            let Inertia { moments, inverse_moments, .. } = &bodies.inertia[body];
+            Spin {
+                pose: bodies.poses[body],
+                moments: [moments, inverse_moments],
+                precession: bodies.precession[body],
+                omega: velocities[body].angular,
+                remainder: bodies.spin_states[body].remainder,
+            }
+        };
+        for spinning in spinning.chunks(PRECESS_LANES) {
+            let all = std::array::from_fn(|lane| spin(spinning[lane.min(spinning.len() - 1)]));
+            G::precess(&all, spinning.len(), h as f32, |lane, pose, _| {
+                let body = spinning[lane] as usize;
+                let index = indices[body] as usize;
+                let back = rotation(&bodies.poses[body]).inverse();
                 ahead[index].turn = rotation(&pose).of(&back).of(&here[index].turn);
             });
         }
     }
 
-    /// Sets the impulses of the rows to those of the last substep, of its solve or of its relaxing.
-    fn recall(&mut self, of: impl Fn(&RowState) -> f64) {
+    /// Sets the impulses of the rows to those that the last solve lets expect.
+    fn recall(&mut self) {
         let Self { mechanisms, records, acting, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let states = &records[slot as usize].states;
             for (axis, state) in mechanisms.axes[joint.axes()].iter_mut().zip(states) {
-                axis.impulse = of(state);
+                axis.impulse = state.lasting();
             }
         }
     }
 
-    /// Returns (h S - I)+ / 2 of the bodies for which it is not zero ([`tension`]), for substeps of
+    /// Computes (h S - I)+ / 2 of the bodies for which it is not zero ([`tension`]), for substeps of
     /// `h` \[s\].
-    pub(crate) fn surpluses<G: Geometry<L, A>>(
+    pub(crate) fn find_surpluses<G: Geometry<L, A>>(
         &mut self,
         at: &BodyPlaces<'_, G, L, A>,
         h: f64,
-    ) -> Vec<(u32, SymmetricMatrix<f64, A>)> {
+    ) {
         self.look(at);
-        let Self { mechanisms, records, acting, tensions, here, indices, .. } = self;
+        let Self { mechanisms, records, acting, tensions, here, indices, surpluses, .. } = self;
         let masses = &at.bodies.inverse_masses;
         tensions.clear();
         tensions.resize(at.bodies.poses.len(), Tension::default());
@@ -465,28 +539,29 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 }
             }
         }
-        let mut surpluses = Vec::new();
+        surpluses.clear();
         for (body, tension) in (0..).zip(&*tensions) {
             let Some(of) = tension.balanced() else { continue };
             let inertia = at.bodies.mass(body as usize).angular;
             surpluses.extend(tension::surplus(&of, &inertia, h).map(|own| (body, own)));
         }
-        surpluses
     }
 
     /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
     /// The bodies are expected to move at the `prospective` velocities, with the lasting impulses of
-    /// the joints.
+    /// the joints. If `exact`, the targets of bodies that touch others follow their paths, too, which
+    /// contacts then [change](Self::aim_again).
     pub(crate) fn warm_start<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut Bodies<G, L, A>,
         displacements: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
+        exact: bool,
     ) {
         if self.is_idle() {
             return;
         }
-        self.recall(RowState::lasting);
+        self.recall();
         self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
         let mut paths = std::mem::take(&mut self.paths);
         paths.clear();
@@ -503,8 +578,13 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.set_targets(&BodyPlaces { bodies, displacements }, &paths);
         self.paths = paths;
         self.find_fast(bodies);
+        let least_miss = if exact { LEAST_MISS } else { MOST_MISS };
+        if !exact {
+            self.aims.iter_mut().zip(&self.touches).for_each(|(aims, touches)| *aims &= !touches);
+        }
         let h = self.substep();
-        let mut before = vec![f64::INFINITY; self.aims.len()];
+        self.last_changes.clear();
+        self.last_changes.resize(self.aims.len(), f64::INFINITY);
         for _ in 0..MOST_AIMS {
             if !self.aims.contains(&true) {
                 return;
@@ -512,8 +592,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             // The path curves with the velocities that the joints leave.
             self.solve_aiming(&mut bodies.velocities);
             self.set_targets(&BodyPlaces { bodies, displacements }, &bodies.velocities);
-            let misses = self.changes.iter().zip(&mut before).map(|(change, before)| {
-                *change < std::mem::replace(before, *change) && change * h > LEAST_MISS
+            let misses = self.changes.iter().zip(&mut self.last_changes).map(|(change, before)| {
+                *change < std::mem::replace(before, *change) && change * h > least_miss
             });
             self.aims.iter_mut().zip(misses).for_each(|(aims, misses)| *aims &= misses);
         }
@@ -546,6 +626,88 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.aims.contains(&true)
     }
 
+    /// Takes curve and repair out of the targets of mechanisms whose locks add energy to bodies that
+    /// would move at the `prospective` velocities. Returns true if there are any.
+    ///
+    /// Rows of a net in one plane are nearly dependent: its links would need any speed to end on
+    /// their places. Targets of zero add no energy.
+    pub(crate) fn tame(
+        &mut self,
+        velocities: &[Velocity<f32, L, A>],
+        prospective: &[Velocity<f32, L, A>],
+        masses: &[InverseMass<f32, L, A>],
+    ) -> bool {
+        let mut aims = std::mem::take(&mut self.aims);
+        aims.clear();
+        aims.extend(self.mechanisms.groups().map(|(joints, members)| {
+            let (mut energy, mut gain, mut mass) = (0.0, 0.0, 0.0);
+            for &body in members {
+                let own = masses[body as usize].cast::<f64>().mass();
+                let [before, after] = [prospective, velocities]
+                    .map(|all| 0.5 * own.squared(&all[body as usize].cast()));
+                energy += before;
+                gain += after - before;
+                mass += own.linear;
+            }
+            let most = |speed: f64| MOST_GAIN * energy + 0.5 * mass * speed * speed;
+            gain > most(LEAST_SPEED) && {
+                let [work, speed] = self.work(joints, members, [prospective, velocities], masses);
+                work.min(gain) > most(speed.max(LEAST_SPEED))
+            }
+        }));
+        let Self { mechanisms, records, acting, groups, .. } = self;
+        for joint in groups.iter().zip(&aims).filter(|(_, aims)| **aims).flat_map(|of| of.0.clone())
+        {
+            let rows = &records[acting[joint] as usize].rows;
+            let axes = &mut mechanisms.axes[mechanisms.joints[joint].axes()];
+            for (axis, _) in axes.iter_mut().zip(rows).filter(|(_, row)| row.role.is_rigid_lock()) {
+                axis.law.targets = [0.0; 2];
+            }
+        }
+        self.aims = aims;
+        self.aims.contains(&true)
+    }
+
+    /// Returns the work of the rigid locks of these joints in the substep, gamma J (v + v') / 2 \[J\],
+    /// and the greatest speed that a repair among them asks for. An angle turns all `members` about the
+    /// joint. \[m/s\]
+    fn work(
+        &self,
+        joints: Range<usize>,
+        members: &[u32],
+        [before, after]: [&[Velocity<f32, L, A>]; 2],
+        masses: &[InverseMass<f32, L, A>],
+    ) -> [f64; 2] {
+        let (mut work, mut fastest) = (0.0, 0.0f64);
+        let place = |body: u32| place_of(body, &self.here, &self.indices).position;
+        for joint in joints {
+            let record = &self.records[self.acting[joint] as usize];
+            let of = &self.mechanisms.joints[joint];
+            let [u, v] = [before, after].map(|all| of.bodies.map(|body| all[body as usize].cast()));
+            let unit: f64 =
+                of.bodies.map(|body| f64::from(masses[body as usize].linear)).iter().sum();
+            for ((row, plan), state) in of.axes().zip(&record.rows).zip(&record.states) {
+                let Role::Lock(value, None) = plan.role else { continue };
+                let axis = &self.mechanisms.axes[row];
+                work += 0.5
+                    * axis.impulse
+                    * (axis.velocity(&u[0], &u[1]) + axis.velocity(&v[0], &v[1]));
+                let RowParams { h, mobility, repair: [share, most], .. } = self.params[row];
+                let repaired = (share * (state.value - value) / h).abs().min(most);
+                if mobility > 0.0 && repaired > 0.0 {
+                    let mut reach = (unit / mobility).sqrt();
+                    if axis.is_turn() {
+                        let anchor = place(of.bodies[0]) + self.arms[joint];
+                        let distances = members.iter().map(|&body| (place(body) - anchor).length());
+                        reach += distances.fold(0.0, f64::max);
+                    }
+                    fastest = fastest.max(repaired * reach);
+                }
+            }
+        }
+        [work, fastest]
+    }
+
     /// Returns the length of the substep. \[s\]
     fn substep(&self) -> f64 {
         self.params.first().map_or(0.0, |params| params.h)
@@ -555,8 +717,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// \[s\]. \[rad\]
     pub(crate) fn largest_turn<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>, dt: f64) -> f64 {
         let mut fastest = 0.0f64;
-        for &slot in &self.acting {
-            let record = &self.records[slot as usize];
+        // Those that act are known to a world that has just been restored only later in the step.
+        for (_, record) in self.taken().filter(|(_, own)| own.enabled && !own.broken) {
             let holds = record.rows.iter().any(|row| row.turns_with_axis());
             for (side, body) in record.bodies.into_iter().enumerate() {
                 if body == WORLD {
@@ -603,10 +765,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.look_ahead(at, velocities, h);
         let Self { mechanisms, records, acting, params, indices, ahead, .. } = self;
         self.changes.clear();
-        let groups: Vec<_> = mechanisms.groups().map(|(joints, _)| joints).collect();
-        for (joints, &aims) in groups.into_iter().zip(&self.aims) {
+        for (joints, &aims) in self.groups.iter().zip(&self.aims) {
             let mut change = 0.0f64;
-            for index in joints.filter(|_| aims) {
+            for index in joints.clone().filter(|_| aims) {
                 let (record, joint) =
                     (&mut records[acting[index] as usize], mechanisms.joints[index]);
                 let then = record.places(|body| place_of(body, ahead, indices));
@@ -691,14 +852,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         });
     }
 
-    /// Begins the relaxing: the impulses of the last one act, and each row gets its law for the end
-    /// of the substep. J has been [renewed](Self::renew).
-    pub(crate) fn begin_relaxing(
-        &mut self,
-        velocities: &mut [Velocity<f32, L, A>],
-        masses: &[InverseMass<f32, L, A>],
-    ) {
-        self.recall(|state| state.relaxed);
+    /// Begins the relaxing: each row gets its law for the end of the substep, and no impulse. So every
+    /// visit of joints and contacts in turn takes energy away. From the impulses of the last relaxing
+    /// contacts would bear what joints then take back, and throw bodies whose contacts and joints bear
+    /// against each other. J has been [renewed](Self::renew).
+    pub(crate) fn begin_relaxing(&mut self) {
         let Self { mechanisms, records, acting, params, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &records[slot as usize];
@@ -709,10 +867,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 if record.broken {
                     axis.law.bounds = [0.0; 2];
                 }
-                axis.impulse = axis.law.bounds[0].max(axis.impulse).min(axis.law.bounds[1]);
+                axis.impulse = 0.0;
             }
         }
-        self.mechanisms.apply(velocities, masses);
     }
 
     /// Stores the impulses of the relaxing, and sums the loads of the joints.
@@ -936,7 +1093,7 @@ impl JointRecord {
     }
 
     /// Returns its places, where `of` returns those of its bodies.
-    fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces {
+    pub(crate) fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces {
         let [a, b] = self.bodies.map(of);
         JointPlaces {
             frames: [a.of(&self.frames[0]), b.of(&self.frames[1])],
@@ -1000,6 +1157,11 @@ impl JointRecord {
     pub(crate) fn members(&self) -> impl Iterator<Item = u32> + '_ {
         self.bodies.iter().copied().filter(|body| *body != WORLD)
     }
+}
+
+/// Returns the members of a sorted list that another one lacks.
+fn but_for<'a, T: Copy + Ord>(of: &'a [T], other: &'a [T]) -> impl Iterator<Item = T> + 'a {
+    of.iter().copied().filter(|own| other.binary_search(own).is_err())
 }
 
 fn ascending([a, b]: [u32; 2]) -> [u32; 2] {

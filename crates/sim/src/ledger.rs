@@ -44,7 +44,9 @@ pub struct Ledger {
     pub forces: f64,
     /// Work of damping; never positive.
     pub damping: f64,
-    /// Work done through contacts by bodies that contacts cannot move, and by surface velocities.
+    /// Work done through contacts and joints by bodies that these cannot move, and by surface
+    /// velocities; and the work that moves held bodies ([`World::hold`](crate::World::hold)), whose
+    /// energy counts like that of the others.
     pub driven: f64,
     /// Work of impacts with restitution. It is counted at the arms of the end of the substep: where
     /// bodies rotate, it may be positive by a few percent, with the opposite in `integration`.
@@ -234,6 +236,13 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
             let [a, b] = bodies.map(|body| &self.mean[1][body as usize]);
             let work = axis.impulse * axis.velocity(a, b);
             *(if is_drive { &mut self.ledger.drives } else { &mut self.ledger.joints }) += work;
+            // The work on a body that joints cannot move does not become energy of the body.
+            let sides = [[a, &Velocity::ZERO], [&Velocity::ZERO, b]];
+            for (body, [a, b]) in bodies.into_iter().zip(sides) {
+                if self.masses[body as usize] == Mass::ZERO {
+                    self.ledger.driven -= axis.impulse * axis.velocity(a, b);
+                }
+            }
         }
     }
 

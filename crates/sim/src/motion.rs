@@ -22,6 +22,13 @@ pub(crate) const SMALL_TURN: f32 = 1e-4;
 /// would change by less than this fraction.
 const LEAST_TURN: f32 = 1e-5;
 
+/// Largest load of contacts on a body with joints, over its weight, whose constant part displaces
+/// it. \[1\]
+const MOST_BORNE: f32 = 20.0;
+
+/// Largest rotation of such a body by the constant part in a substep. \[rad\]
+const MOST_TURN: f32 = 0.02;
+
 /// Parameters of the substeps of a part.
 #[derive(Clone, Copy)]
 pub(crate) struct SubstepParams<const L: usize> {
@@ -182,29 +189,41 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// Subtracts h p / 2 from the displacements. p is the constant part of M^-1 J^T gamma: the part
     /// that the warm starts of this substep and of the previous one have in common. So sliding,
     /// rolling and rocking bodies move with second-order accuracy in h, too. An impact has no
-    /// constant part. Returns true if any body rotates
-    /// ([`kinematics`](drystone_solver::kinematics)).
+    /// constant part. What joints take of it again is not in p: a light body between a heavy one and
+    /// the floor would be displaced by h^2 / 2 times a large acceleration that it does not have. So
+    /// of p of bodies with joints counts only what is [borne](borne) by themselves. Returns true if
+    /// any body rotates ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) fn offset_displacements(&mut self, params: &SubstepParams<L>) -> bool {
-        let h = params.h;
+        let SubstepParams { gravity, h, .. } = *params;
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks(share).zip(self.prospective.chunks(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let turning = AtomicBool::new(false);
+        let (first, properties) = (self.first, self.properties);
         self.pool.for_each(
             useful,
-            moved.zip(self.contact_gains.chunks_mut(share)),
-            |(moved, contact_gains)| {
+            moved.zip(self.contact_gains.chunks_mut(share)).enumerate(),
+            |(part, (moved, contact_gains))| {
                 let ((velocities, prospective), displacements) = moved;
                 let moved = velocities.iter().zip(prospective).zip(displacements);
                 let mut any = false;
-                for (((velocity, prospective), displacement), contact_gain) in
-                    moved.zip(contact_gains)
+                for (body, (((velocity, prospective), displacement), contact_gain)) in
+                    (first + share * part..).zip(moved.zip(contact_gains))
                 {
+                    any |= needs_renewal(velocity.angular);
                     let now = *velocity - *prospective;
                     let before = std::mem::replace(contact_gain, now);
-                    displacement.linear -= common(now.linear, before.linear) * (0.5 * h);
-                    displacement.angular -= common(now.angular, before.angular) * (0.5 * h);
-                    any |= needs_renewal(velocity.angular);
+                    let constant = Velocity {
+                        linear: common(now.linear, before.linear),
+                        angular: common(now.angular, before.angular),
+                    };
+                    let share = match properties.has_joint(body) {
+                        true => {
+                            borne(&constant, properties.gravity_on(body, gravity).length() * h, h)
+                        }
+                        false => 1.0,
+                    };
+                    *displacement -= constant * (0.5 * h * share);
                 }
                 if any {
                     turning.store(true, Ordering::Relaxed);
@@ -257,6 +276,14 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         let fastest = f32::from_bits(fastest.into_inner()).sqrt();
         Advanced { turned: any.into_inner(), fastest }
     }
+}
+
+/// Returns the share of the constant gain of a substep of `h` \[s\] up to which contacts bear a body
+/// itself, which would gain `weight` \[m/s\] by gravity alone.
+fn borne<const L: usize, const A: usize>(gain: &Velocity<f32, L, A>, weight: f32, h: f32) -> f32 {
+    let (speed, turn) = (gain.linear.length(), gain.angular * h);
+    let share = |of: f32, most: f32| if of > most { most / of } else { 1.0 };
+    share(speed, MOST_BORNE * weight).min(share(turn.length(), MOST_TURN))
 }
 
 /// Speeds of the bodies in a substep.

@@ -437,7 +437,7 @@ fn collide<G: Geometry<L, A>, const L: usize, const A: usize>(
     (scratch, core): (&mut G::Scratch, &mut Option<InnerBall<G, L, A>>),
     cache: &mut ManifoldCache<L>,
 ) -> bool {
-    if pair.is_sleeping && !pair.bodies.iter().any(|&body| input.active[body as usize]) {
+    if pair.is_sleeping && !input.bodies.may_meet(pair.bodies, input.active) {
         return false;
     }
     let was_sleeping = std::mem::replace(&mut pair.is_sleeping, false);
@@ -582,7 +582,9 @@ fn reuse<G: Geometry<L, A>, const L: usize, const A: usize>(
     was_sleeping: bool,
 ) -> bool {
     let most = input.reuse_limit(pair);
-    if pair.is_curved || most <= 0.0 {
+    // The points on a mesh that deforms move relative to its body.
+    let deforms = |body: &u32| input.bodies.surface_speed(*body as usize) > 0.0;
+    if pair.is_curved || most <= 0.0 || pair.bodies.iter().any(deforms) {
         return false;
     }
     if pair.clearance <= 0.0 {

@@ -19,7 +19,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let of = |manifold: &Manifold<f32, L>| {
             let contacts = system.contacts[manifold.points()].iter();
             Nearby {
-                bodies: manifold.bodies.map(|body| body as usize),
+                bodies: manifold.bodies.map(|body| self.solver.carriers.body_of(body) as usize),
                 normal: manifold.normal().0.map(f64::from).to_vec(),
                 gap: contacts
                     .map(|contact| f64::from(contact.gap[0]))
@@ -35,10 +35,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let system = self.system();
         let mut out = ContactPoints::default();
         for manifold in &system.manifolds {
-            let center = self.bodies.frames[manifold.bodies[0] as usize].position;
+            let carriers = &self.solver.carriers;
+            let own = |body: u32| self.bodies.frames[body as usize].position;
+            let a = manifold.bodies[0];
+            let center = carriers.get(a).map_or_else(|| own(a), |carrier| carrier.position);
             for contact in &system.contacts[manifold.points()] {
                 let arm = manifold.frame.arms[0] + manifold.frame.to_world(contact.offset);
-                out.bodies.push(manifold.bodies);
+                out.bodies.push(manifold.bodies.map(|body| carriers.body_of(body)));
                 out.points.extend((center + arm).0);
                 out.frames.extend(manifold.frame.axes.iter().flat_map(|axis| axis.0));
                 out.impulses.extend(contact.impulse.0);

@@ -102,7 +102,8 @@ pub struct StepReport {
     /// Number of impacts with restitution.
     pub collisions: usize,
     /// Certified distance of the velocities that moved the bodies from the exact ones, all substeps
-    /// together. `None` with neither a tolerance nor `certify`.
+    /// together. `None` with neither a tolerance nor `certify`. If an island is beyond the tolerance,
+    /// its `worst` body is one at the contact or joint with the largest residual.
     pub certified: Option<SolveReport>,
     /// Energy balance of the step. `None` unless the setting `ledger` is on.
     pub energy: Option<Ledger>,
@@ -150,9 +151,9 @@ impl StepReport {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(Serialize, Deserialize))]
 pub struct Measure {
-    /// 1/2 v^T M v. \[J\]
+    /// 1/2 v^T M v of the dynamic bodies, held ones included. \[J\]
     pub kinetic_energy: f64,
-    /// -m g . x. \[J\]
+    /// -m g . x of the same bodies. \[J\]
     pub potential_energy: f64,
     /// Deepest overlap of any contact. \[m\]
     pub deepest_penetration: f64,

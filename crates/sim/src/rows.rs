@@ -52,6 +52,10 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
         !self.whole_system && self.velocities[body as usize] == Velocity::ZERO
     }
 
+    fn is_whole(&self) -> bool {
+        self.in_order
+    }
+
     #[inline(always)]
     fn take<V: GatherLanes>(
         &self,

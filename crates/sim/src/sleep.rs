@@ -28,6 +28,8 @@ pub(crate) struct Sleep<const L: usize> {
     count: usize,
     /// Gravity of the last step. A change wakes all bodies. \[m/s^2\]
     pub(crate) last_gravity: Vector<f32, L>,
+    /// Setting `sleep_delay` of the last step. All bodies wake when it becomes 0. \[s\]
+    pub(crate) last_delay: f32,
     /// Static and kinematic bodies that were added or moved since the last contact search. They may
     /// touch sleeping bodies.
     pub(crate) placed: Vec<u32>,
@@ -79,6 +81,14 @@ impl<const L: usize> Sleep<L> {
         *member = own;
     }
 
+    /// Puts a body to sleep alone.
+    pub(crate) fn enter_alone(&mut self, body: usize) {
+        if self.group[body] == 0 {
+            let group = 1 + self.group.iter().copied().max().unwrap_or(0);
+            self.enter(body, group, &mut { NONE });
+        }
+    }
+
     /// Records that a static or kinematic body was added or moved.
     pub(crate) fn mark_placed(&mut self, body: usize) {
         if !self.placed.contains(&(body as u32)) {
@@ -95,17 +105,17 @@ impl<const L: usize> Sleep<L> {
         self.count
     }
 
-    /// Returns true if a body may touch something new: it is dynamic and awake, or kinematic and
-    /// moves.
+    /// Returns true if a body may touch something new: it is dynamic and awake, or kinematic or held
+    /// and moves or deforms.
     pub(crate) fn is_active<G: Geometry<L, A>, const A: usize>(
         &self,
         bodies: &Bodies<G, L, A>,
         body: usize,
     ) -> bool {
         match bodies.motion[body] {
-            Some(Motion::Dynamic) => !self.is_sleeping(body),
-            Some(Motion::Kinematic) => bodies.velocities[body] != Velocity::ZERO,
-            _ => false,
+            Some(Motion::Dynamic) if !bodies.held[body] => !self.is_sleeping(body),
+            None | Some(Motion::Static) => false,
+            _ => bodies.velocities[body] != Velocity::ZERO || bodies.surface_speed(body) > 0.0,
         }
     }
 
@@ -127,13 +137,13 @@ impl<const L: usize> Sleep<L> {
         }
     }
 
-    /// Puts pairs to sleep if neither body is active, and moves their manifolds to the cache of
+    /// Puts pairs to sleep that `are_active` does not name, and moves their manifolds to the cache of
     /// sleeping pairs.
     pub(crate) fn put_to_sleep(
         &mut self,
         pairs: &mut [Pair],
         cache: &ManifoldCache<L>,
-        active: impl Fn(u32) -> bool,
+        are_active: impl Fn([u32; 2]) -> bool,
     ) {
         // Pairs that woke have left unused entries. The cache is compacted when these are more than
         // half of it.
@@ -145,7 +155,7 @@ impl<const L: usize> Sleep<L> {
             }
         }
         for pair in pairs.iter_mut().filter(|pair| !pair.is_sleeping) {
-            if !pair.bodies.into_iter().any(&active) {
+            if !are_active(pair.bodies) {
                 self.cache.take_pair(pair, cache);
                 pair.is_sleeping = true;
             }
@@ -187,7 +197,8 @@ impl<const L: usize> Sleep<L> {
             let carried = runs(number)
                 || pair.iter().any(|&body| {
                     of_body[body as usize] == island::NONE
-                        && bodies.velocities[body as usize] != Velocity::ZERO
+                        && (bodies.velocities[body as usize] != Velocity::ZERO
+                            || bodies.surface_speed(body as usize) > 0.0)
                 });
             if carried && let Some(ready) = self.ready.get_mut(self.islands.of_pair(pair) as usize)
             {

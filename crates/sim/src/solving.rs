@@ -5,6 +5,7 @@ use drystone_solver::lanes::LaneSystem;
 use drystone_solver::restitution::ImpactSolver;
 
 use crate::bodies::Bodies;
+use crate::carriers::Carriers;
 use crate::certifier::Certifier;
 use crate::geometry::Geometry;
 use crate::joints::Joints;
@@ -18,6 +19,7 @@ pub(crate) struct ConstraintSolver<const L: usize, const A: usize> {
     pub(crate) certifier: Certifier<L, A>,
     pub(crate) impacts: ImpactSolver<L, A>,
     pub(crate) surfaces: SurfaceStates<L, A>,
+    pub(crate) carriers: Carriers<L, A>,
     /// Copy of the contacts one by one, for stages that need them. While [lent](Self::with_system),
     /// it holds the velocities and masses of the bodies; otherwise those arrays are empty.
     pub(crate) system: System<f32, L, A>,
@@ -31,6 +33,7 @@ impl<const L: usize, const A: usize> Default for ConstraintSolver<L, A> {
             certifier: Certifier::default(),
             impacts: ImpactSolver::default(),
             surfaces: SurfaceStates::default(),
+            carriers: Carriers::default(),
             system: System::new(),
         }
     }

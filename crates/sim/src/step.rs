@@ -77,6 +77,15 @@ impl Search {
         self.h * self.due as f32
     }
 
+    /// Returns the part of the step that has passed before this part, and that after it. \[1\]
+    fn passed_before(&self) -> f32 {
+        (self.substeps - self.left - self.due) as f32 / self.substeps as f32
+    }
+
+    fn passed(&self) -> f32 {
+        (self.substeps - self.left) as f32 / self.substeps as f32
+    }
+
     /// Returns the distance up to which contact points are reused. \[m\]
     fn reuse(&self, settings: &StepSettings) -> f32 {
         let several = self.due < self.substeps;
@@ -91,25 +100,13 @@ fn substeps_until_search(substeps: u32, travel_ratio: f32) -> u32 {
     ((substeps as f32 / travel_ratio) as u32).max(1)
 }
 
-/// Sums the impulses of pairs over the parts of a step.
-fn join_pairs(impulses: &mut Vec<([u32; 2], f32)>) {
-    impulses.sort_by_key(|(colliders, _)| *colliders);
-    impulses.dedup_by(|later, first| {
-        let same = later.0 == first.0;
-        if same {
-            first.1 += later.1;
-        }
-        same
-    });
-}
-
 /// Returns the motion of the bodies over `dt` \[s\].
 fn moving<G: Geometry<L, A>, const L: usize, const A: usize>(
     bodies: &Bodies<G, L, A>,
     dt: f32,
 ) -> MotionView<'_, L, A> {
-    let Bodies { velocities, frames, reach, since_search, .. } = bodies;
-    MotionView { velocities, frames, reach, since_search, dt }
+    let Bodies { velocities, frames, reach, since_search, surface_speeds, .. } = bodies;
+    MotionView { velocities, frames, reach, since_search, surface_speeds, dt }
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
@@ -118,36 +115,44 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         input::check_time(dt)?;
         input::check_gravity(&self.gravity)?;
         self.settings.check()?;
+        self.check_mesh_motions(dt)?;
         let execution = &self.execution;
         let start = execution.tuner.start(&execution.pool, execution.clock);
         let mut timer =
             StageTimer::start(if execution.timing { execution.clock } else { Clock::NONE });
         let mut report = StepReport::default();
+        let held_energy = self.open_held();
         self.wake_if_changed();
+        self.begin_deforming(dt);
         self.begin_joints(dt);
-        self.scratch.pair_impulses.clear();
+        self.begin_record();
         self.execution.saved = None;
         let mut search = self.first_search(dt);
         report.substeps = search.substeps;
         loop {
             timer.lap(Stage::Pairs);
             let same = self.find_manifolds(&search);
+            let carried = self.attach_carriers(search.passed_before());
             timer.lap(Stage::Manifolds);
-            let plan = self.build_rows(&search, same);
+            let plan = self.build_rows(&search, same && !carried);
             timer.lap(Stage::Rows);
             let earlier = self.execution.saved.take();
             self.take_substeps(&plan, &mut timer, &mut report);
             self.execution.keep_impacts(earlier);
             self.integrate_poses(&plan, &mut report);
+            self.detach_carriers();
+            self.deform_meshes(search.passed(), search.duration());
             timer.lap(Stage::Advance);
             if !self.next_search(&mut search) {
                 break;
             }
         }
+        self.close_held(held_energy, &mut report);
         self.end_joints(dt, &mut report);
         self.bodies.forces.clear();
-        join_pairs(&mut self.scratch.pair_impulses);
+        self.scratch.impulses.join();
         self.fall_asleep(dt);
+        self.end_deforming(&mut report);
         report.stages = timer.stages;
         report.asleep = self.sleep.count();
         report.not_finite = self.bodies.not_finite();
@@ -159,11 +164,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(report)
     }
 
+    /// Begins the record of impulses, if there is to be one.
+    fn begin_record(&mut self) {
+        let impulses = &mut self.scratch.impulses;
+        impulses.pairs.clear();
+        if self.execution.recording {
+            impulses.before.clone_from(&self.bodies.velocities);
+        }
+    }
+
     /// Wakes all bodies if sleep is turned off or gravity has changed.
     fn wake_if_changed(&mut self) {
+        let delay = self.settings.sleep_delay;
+        let is_off = delay <= 0.0 && self.sleep.last_delay > 0.0;
         let is_other = self.gravity != self.sleep.last_gravity;
-        self.sleep.last_gravity = self.gravity;
-        if self.sleep.count() > 0 && (self.settings.sleep_delay <= 0.0 || is_other) {
+        (self.sleep.last_delay, self.sleep.last_gravity) = (delay, self.gravity);
+        if self.sleep.count() > 0 && (is_off || is_other) {
             for body in 0..self.bodies.poses.len() {
                 self.wake_slot(body);
             }
@@ -325,8 +341,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         std::mem::swap(&mut self.contacts.cache, &mut self.scratch.old_cache);
         self.update_active();
         if self.sleep.count() > 0 {
-            let active = |body: u32| self.scratch.active[body as usize];
-            self.sleep.put_to_sleep(&mut self.contacts.pairs, &self.scratch.old_cache, active);
+            let (bodies, active) = (&self.bodies, &self.scratch.active);
+            let are_active = |pair| bodies.may_meet(pair, active);
+            self.sleep.put_to_sleep(&mut self.contacts.pairs, &self.scratch.old_cache, are_active);
         }
         let (mut impulses_updated, mut same) = (true, true);
         loop {
@@ -340,6 +357,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if !self.wake_touched() {
                 self.sleep.placed.clear();
                 self.find_patches();
+                self.open_held_contacts();
                 self.resolve_seams(dt);
                 // A solve to a tolerance distributes the load correctly, so it needs no reduced
                 // patches.
@@ -489,7 +507,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         // The first substep overwrites these: it computes J^T gamma from the contacts.
         prospective.resize(all, Velocity::ZERO);
         self.renew_joints(plan.params.h);
-        let ConstraintSolver { lanes, joints, certifier, surfaces, .. } = &mut self.solver;
+        let ConstraintSolver { lanes, joints, certifier, surfaces, carriers, .. } =
+            &mut self.solver;
         let (cache, bodies) = (&self.contacts.cache, &self.bodies);
         let certifying = plan.solving || plan.certified_substep.is_some();
         if certifying {
@@ -505,7 +524,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let in_order = plan.solving || self.settings.certify;
         let rows = CacheSource { cache, velocities, stiffness, same, whole_system, in_order };
         lanes.pack(&rows, &bodies.inverse_masses, self.settings.softness);
-        let (of, moving) = ((&self.colliders, bodies), (bodies.velocities.as_slice(), dt));
+        let (of, moving) =
+            ((&self.colliders, bodies, &*carriers), (bodies.velocities.as_slice(), dt));
         surfaces.give(of, &self.contacts.pairs, cache.manifolds.len(), moving, lanes);
         let (ledger, gravity) = (&mut self.scratch.ledger, self.gravity);
         self.solver.with_system(&mut self.bodies, |solver, bodies| {
@@ -538,6 +558,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let ledger = self.scratch.ledger.close(bodies, gravity, &bodies.velocities);
             report.energy.get_or_insert_default().join(&ledger);
         }
+    }
+
+    /// Returns the kinetic and potential energy of the held bodies before the last calls that have
+    /// moved them, if the step has a ledger. \[J\]
+    fn open_held(&mut self) -> Option<[f64; 2]> {
+        let led = std::mem::take(&mut self.bodies.led_energy);
+        let [kinetic, potential] =
+            self.settings.ledger.then(|| self.bodies.held_energy(self.gravity))?;
+        Some([kinetic - led[0], potential - led[1]])
+    }
+
+    /// Adds the work on held bodies to the ledger of the step: all that changes their energy comes
+    /// from outside.
+    fn close_held(&mut self, before: Option<[f64; 2]>, report: &mut StepReport) {
+        let (Some(before), Some(ledger)) = (before, &mut report.energy) else { return };
+        let after = self.bodies.held_energy(self.gravity);
+        let [kinetic, potential] = [after[0] - before[0], after[1] - before[1]];
+        ledger.kinetic += kinetic;
+        ledger.potential += potential;
+        ledger.gravity -= potential;
+        ledger.driven += kinetic + potential;
     }
 
     /// Recomputes M^-1 of the bodies that need a rebuild.

@@ -4,6 +4,7 @@ use drystone_solver::{InverseMass, Velocity};
 
 use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
+use crate::impulses::ImpulseRecord;
 use crate::ledger::LedgerBuilder;
 use crate::narrow_phase::PairWorker;
 use crate::patches::Patches;
@@ -31,10 +32,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
     pub(crate) ledger: LedgerBuilder<L, A>,
-    /// Normal impulses of each manifold in the substeps of a part, if they are recorded. \[N s\]
-    pub(crate) impulses: Vec<f32>,
-    /// Normal impulses of pairs of colliders in the last step, if they are recorded. \[N s\]
-    pub(crate) pair_impulses: Vec<([u32; 2], f32)>,
+    /// Normal impulses of the last step, if they are recorded.
+    pub(crate) impulses: ImpulseRecord<L, A>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<G, L, A> {
@@ -53,8 +52,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             true_masses: Vec::new(),
             touched: Vec::new(),
             ledger: LedgerBuilder::default(),
-            impulses: Vec::new(),
-            pair_impulses: Vec::new(),
+            impulses: ImpulseRecord::default(),
         }
     }
 }

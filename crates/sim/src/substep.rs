@@ -7,6 +7,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use drystone_solver::ladder::SolveReport;
 use drystone_solver::lanes::{Landing, LaneBatch, MovedBodies};
 use drystone_solver::restitution::{self, ImpactSettings};
 use drystone_solver::thread_pool::Divide;
@@ -55,8 +56,10 @@ const SNAP_ROUNDS: usize = 32;
 /// \[1\]
 const MOST_AIMS: usize = 3;
 
-/// Number of rounds in which contacts and joints are relaxed together, in a solve to a tolerance. \[1\]
-const RELAX_ROUNDS: usize = 16;
+/// Number of rounds in which contacts and joints are relaxed in turn, in a solve to a tolerance. More
+/// of them stop a heavy load that lands on light limbs within one substep, and these miss their
+/// joints. \[1\]
+const RELAX_ROUNDS: usize = 8;
 
 /// Largest number of times that an impact goes on through joints to other contacts.
 const MOST_PASSES: usize = 16;
@@ -240,8 +243,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         timer.lap(Stage::WarmStart);
         let with_residuals = plan.certified_substep == Some(substep);
         self.solve(plan, (substep, turning), with_residuals, timer, report);
-        let searched = with_residuals && self.find_joint_jams(report);
         if with_residuals {
+            if !self.find_joint_jams(report) {
+                self.find_jams(report);
+            }
             timer.lap(Stage::Certify);
         }
         if plan.ledger {
@@ -273,17 +278,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.record(substep + 1 == params.substeps);
         }
         timer.lap(Stage::Relax);
-        if with_residuals && !searched {
-            self.find_jams(report);
-            timer.lap(Stage::Certify);
-        }
-    }
-
-    /// Returns true if a body with a joint touches another.
-    fn joined_touch(&self) -> bool {
-        let has_joint = |body: u32| self.bodies.has_joint.get(body as usize) == Some(&true);
-        !self.solver.joints.is_idle()
-            && self.contacts.cache.pairs().any(|pair| pair.into_iter().any(has_joint))
     }
 
     /// Solves contacts and joints, by sweeps or to the tolerance. `turning` is true if any body
@@ -306,6 +300,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 }
                 self.solve_aiming_joints();
             }
+            if self.tame_joints() {
+                self.solve_aiming_joints();
+            }
             timer.lap(Stage::Joints);
             if with_residuals {
                 self.certify_sweeps(timer, report);
@@ -321,6 +318,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             if !self.aim_joints_again() {
                 break;
             }
+            self.refine(with_residuals, timer, report);
+        }
+        if self.tame_joints() {
             self.refine(with_residuals, timer, report);
         }
     }
@@ -343,11 +343,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Takes out the velocities of repair, of contacts and of joints.
     fn relax(&mut self, renewed: bool, fastest: f32, plan: &PartPlan<L>, timer: &mut StageTimer) {
-        self.begin_relaxing_joints();
+        self.solver.joints.begin_relaxing();
         timer.lap(Stage::Joints);
         self.context().relax(renewed, fastest, &plan.params);
         timer.lap(Stage::Relax);
-        if plan.solving && self.joined_touch() {
+        if plan.solving && self.solver.joints.touch() {
             for _ in 1..RELAX_ROUNDS {
                 self.solve_joints();
                 let SubstepContext { mut contacts, bodies } = self.context();
@@ -408,7 +408,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             certifier.refine(system, constraints, prospective, settings, with_residuals)
         });
         report.sweeps += outcome.iterations;
-        report.join(&outcome, timer);
+        let failed = outcome.failed > 0;
+        self.report_solve(outcome, failed, timer, report);
     }
 
     /// Certifies the velocities as the sweeps left them.
@@ -416,6 +417,26 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let ConstraintSolver { lanes, joints, certifier, .. } = &mut self.solver;
         let (prospective, constraints) = (&self.scratch.prospective, (&*lanes, &joints.mechanisms));
         let outcome = certifier.certify_sweeps(&self.bodies.velocities, constraints, prospective);
+        self.report_solve(outcome, true, timer, report);
+    }
+
+    /// Adds the outcome of a substep to the report. It names the body at fault if the substep may be
+    /// out of tolerance and is the worst so far.
+    fn report_solve(
+        &mut self,
+        mut outcome: SolveReport,
+        may_be_off: bool,
+        timer: &mut StageTimer,
+        report: &mut StepReport,
+    ) {
+        let known = report.certified.map_or(0.0, |of| of.error);
+        if may_be_off && outcome.error.total_cmp(&known).is_gt() {
+            self.solver.with_system(&mut self.bodies, |solver, _| {
+                let ConstraintSolver { lanes, joints, certifier, system, .. } = solver;
+                lanes.unpack(system);
+                certifier.name_worst(&mut outcome, system, &joints.mechanisms);
+            });
+        }
         report.join(&outcome, timer);
     }
 
@@ -478,25 +499,33 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// impacts, too.
     fn record(&mut self, last: bool) {
         self.unpack();
-        let (impulses, system) = (&mut self.scratch.impulses, &self.solver.system);
-        impulses.resize(system.manifolds.len(), 0.0);
-        for (own, manifold) in impulses.iter_mut().zip(&system.manifolds) {
-            for contact in &system.contacts[manifold.points()] {
-                *own += contact.impulse[0] + if last { contact.impact } else { 0.0 };
-            }
-        }
+        self.scratch.impulses.add(&self.solver.system, last);
     }
 
     /// Adds the recorded impulses of a part to those of the pairs.
     fn record_pairs(&mut self) {
-        let StepScratch { impulses, pair_impulses, .. } = &mut self.scratch;
-        if !impulses.is_empty() {
-            let touching =
-                self.contacts.pairs.iter().filter(|pair| !pair.is_sleeping && pair.count > 0);
-            let sum = |pair: &Pair| impulses[pair.manifolds()].iter().sum();
-            pair_impulses.extend(touching.map(|pair| (pair.colliders, sum(pair))));
-            impulses.clear();
+        let StepScratch { impulses, displacements, .. } = &mut self.scratch;
+        if impulses.manifolds.is_empty() {
+            return;
         }
+        let (view, frames) = (self.contacts.cache.view(), &self.bodies.frames);
+        let touching = |pair: &&Pair| !pair.is_sleeping && pair.count > 0;
+        for pair in self.contacts.pairs.iter().filter(touching) {
+            // A body that bounces has left the place; the one that moved less is nearer to it.
+            let [moved_a, moved_b] = pair.bodies.map(|body| displacements[body as usize].linear);
+            let is_a = moved_a.length() < moved_b.length();
+            let (body, moved) = if is_a { (0, moved_a) } else { (1, moved_b) };
+            let frame = &frames[pair.bodies[body] as usize];
+            let points = view.of(pair.manifolds()).iter().flat_map(|manifold| {
+                let points = manifold.points().zip(view.points_of(manifold));
+                points.map(|(index, point)| {
+                    (index, frame.point(if is_a { point.on_a } else { point.on_b }) + moved)
+                })
+            });
+            impulses.add_pair([pair.colliders, pair.bodies], pair.manifolds(), points);
+        }
+        impulses.manifolds.clear();
+        impulses.contacts.clear();
     }
 
     /// Updates M^-1 of the bodies that precess to their present poses. Slow rotations do not update

@@ -8,6 +8,7 @@ use drystone_solver::{ConstraintFrame, Manifold, SurfaceEffects, Vector, Velocit
 
 use crate::bodies::Bodies;
 use crate::cache::Pair;
+use crate::carriers::Carriers;
 use crate::colliders::Colliders;
 use crate::geometry::Geometry;
 
@@ -78,7 +79,7 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
     /// that move for `dt` \[s\].
     pub(crate) fn give<G: Geometry<L, A>>(
         &mut self,
-        (colliders, bodies): (&Colliders<G, L, A>, &Bodies<G, L, A>),
+        (colliders, bodies, carriers): (&Colliders<G, L, A>, &Bodies<G, L, A>, &Carriers<L, A>),
         pairs: &[Pair],
         manifolds: usize,
         (velocities, dt): (&[Velocity<f32, L, A>], f32),
@@ -104,6 +105,11 @@ impl<const L: usize, const A: usize> SurfaceStates<L, A> {
             let torque = held.next_if(|of| of.colliders == pair.colliders);
             let torque = torque.map_or(Vector::ZERO, |of| of.torque * (1.0 / pair.count as f32));
             self.rows[pair.manifolds()].fill(SurfaceRow { belts, runs, resistance, torque });
+        }
+        for carrier in &carriers.own {
+            // It is given at the center of mass of the body, and needed at that of the carrier.
+            let belt = &mut self.rows[carrier.manifold as usize].belts[carrier.side];
+            belt.linear = belt.at(carrier.arm);
         }
         let rows = &self.rows;
         lanes.take_surfaces(Some(|number: usize, manifold: &Manifold<f32, L>| {

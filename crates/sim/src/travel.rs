@@ -24,9 +24,11 @@ const SWING: f32 = 0.5;
 pub(crate) struct TravelBound<const L: usize> {
     /// Displacement of the center, dt v. \[m\]
     pub(crate) linear: Vector<f32, L>,
-    /// Displacement of surfaces by rotation: dt |omega| times the reach of the cores of its shapes.
-    /// \[m\]
+    /// Displacement of surfaces by rotation: dt |omega| times the reach of the cores of its shapes;
+    /// and that of a mesh that deforms. \[m\]
     pub(crate) angular: f32,
+    /// Part of `angular` by which the body deforms. \[m\]
+    pub(crate) deformed: f32,
     /// Largest relative displacement of its center and that of a neighbor. If the neighbor pushes
     /// it within the step, it can move this far against another neighbor. \[m\]
     pub(crate) neighbor_push: f32,
@@ -48,6 +50,8 @@ pub(crate) struct MotionView<'a, const L: usize, const A: usize> {
     /// Reach of the shapes of each body.
     pub(crate) reach: &'a [Reach],
     pub(crate) since_search: &'a [SearchMotion<L>],
+    /// Largest speed of a vertex of each body; the array may be shorter. \[m/s\]
+    pub(crate) surface_speeds: &'a [f32],
     /// Duration of the motion. \[s\]
     pub(crate) dt: f32,
 }
@@ -65,7 +69,7 @@ impl<const L: usize, const A: usize> MotionView<'_, L, A> {
     ) -> Option<[f32; 2]> {
         let [a, b] = pair.bodies.map(|body| &own[body as usize]);
         let travel = [(a.linear - b.linear).length(), a.angular + b.angular];
-        if travel[1] <= TURNS * pair.thickness {
+        if travel[1] <= TURNS * pair.thickness || a.deformed + b.deformed > 0.0 {
             return Some(travel);
         }
         (travel[0] + travel[1] >= clearance()).then(|| self.in_rotating_frame(pair.bodies, travel))
@@ -120,9 +124,14 @@ impl<const L: usize> TravelBounds<L> {
         pool.for_each(useful, parts, |(own, (velocities, reach))| {
             for ((own, velocity), reach) in own.iter_mut().zip(velocities).zip(reach) {
                 let angular = velocity.angular.length() * reach.core * dt;
-                *own = TravelBound { linear: velocity.linear * dt, angular, neighbor_push: 0.0 };
+                let linear = velocity.linear * dt;
+                *own = TravelBound { linear, angular, ..TravelBound::default() };
             }
         });
+        for (own, speed) in self.own.iter_mut().zip(moving.surface_speeds) {
+            own.deformed = speed * dt;
+            own.angular += own.deformed;
+        }
     }
 
     /// Computes the relative motion of near bodies, `fall` \[m\] by gravity included, and their
@@ -205,7 +214,7 @@ mod tests {
 
         fn moving(&self, dt: f32) -> MotionView<'_, 3, 3> {
             let Self { velocities, frames, reach, since_search } = self;
-            MotionView { velocities, frames, reach, since_search, dt }
+            MotionView { velocities, frames, reach, since_search, surface_speeds: &[], dt }
         }
     }
 

@@ -324,6 +324,44 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
+    /// Puts a dynamic body to sleep where it is. Nothing moves it until an awake body touches it, or
+    /// moves what it is joined to; then all sleeping bodies wake that touch each other. It needs no
+    /// support. Set gravity before: a change wakes all bodies.
+    ///
+    /// # Errors
+    /// The body is unknown, not dynamic or held.
+    pub fn put_to_sleep(&mut self, id: BodyId) -> Result<(), InputError> {
+        let slot = self.known(id)?;
+        if !self.bodies.is_dynamic(slot) {
+            return Err(InputError::NotDynamic);
+        }
+        (self.sleep.last_gravity, self.sleep.last_delay) =
+            (self.gravity, self.settings.sleep_delay);
+        self.sleep.enter_alone(slot);
+        self.bodies.velocities[slot] = Velocity::ZERO;
+        Ok(())
+    }
+
+    /// Holds a dynamic body, or releases it. While it is held it moves as a kinematic body, by
+    /// [`World::set_velocity`] and [`World::move_to`]: it pushes others and is never pushed. Once
+    /// released it goes on with its velocity.
+    ///
+    /// # Errors
+    /// The body is unknown, or not dynamic.
+    pub fn hold(&mut self, id: BodyId, held: bool) -> Result<(), InputError> {
+        let slot = self.known(id)?;
+        if !self.bodies.can_be_moved(slot) {
+            return Err(InputError::NotDynamic);
+        }
+        if self.bodies.held[slot] != held {
+            self.wake_neighbors(slot);
+            self.bodies.set_held(slot, held);
+            self.solver.joints.forget();
+            self.definitions = OnceLock::new();
+        }
+        Ok(())
+    }
+
     /// Sets the velocity of a dynamic or kinematic body, and wakes it.
     ///
     /// # Errors
@@ -336,8 +374,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = self.moving(id)?;
         input::check_velocity(&velocity)?;
         self.wake_slot(slot);
-        self.bodies.spin_states[slot] = SpinState::default();
-        self.bodies.velocities[slot] = velocity;
+        self.lead(slot, |world| {
+            world.bodies.spin_states[slot] = SpinState::default();
+            world.bodies.velocities[slot] = velocity;
+        });
         Ok(())
     }
 
@@ -370,13 +410,26 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let slot = self.known(id)?;
         input::check_pose::<G, L, A>(pose)?;
         self.wake_neighbors(slot);
-        self.bodies.set_origin(slot, pose);
+        self.lead(slot, |world| world.bodies.set_origin(slot, pose));
         let Self { bodies, colliders, broad_phase, .. } = self;
         colliders.update_body(slot, bodies, broad_phase);
-        if bodies.motion[slot] != Some(Motion::Dynamic) {
+        if !bodies.is_dynamic(slot) {
             self.sleep.mark_placed(slot);
         }
         Ok(())
+    }
+
+    /// Changes the state of a body. The ledger of the next step books the change of its energy as
+    /// work from outside, if the body is held.
+    fn lead(&mut self, slot: usize, change: impl FnOnce(&mut Self)) {
+        let before = self.bodies.energy_if_held(slot, self.gravity);
+        change(self);
+        let after = self.bodies.energy_if_held(slot, self.gravity);
+        for (led, (after, before)) in
+            self.bodies.led_energy.iter_mut().zip(after.into_iter().zip(before))
+        {
+            *led += after - before;
+        }
     }
 
     /// Sets or removes the surface velocity of a body, and wakes the body and all bodies near it.
@@ -432,11 +485,26 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns the contact system of the last substep after solving. Its gaps are those after the
-    /// step.
+    /// step. Where meshes deform ([`World::move_vertices`]), further bodies stand for their
+    /// surfaces at the contacts.
     pub fn system(&self) -> System<f32, L, A> {
-        let mut system = self.bodies.without_contacts();
+        let Some(mut system) = self.with_carriers() else { return self.bodies.without_contacts() };
         self.solver.lanes.unpack(&mut system);
         system
+    }
+
+    /// Returns a system with the velocities and masses of the bodies and carriers, without contacts.
+    /// `None` if bodies were added since the last step had carriers.
+    fn with_carriers(&self) -> Option<System<f32, L, A>> {
+        let mut system = self.bodies.without_contacts();
+        let carriers = &self.solver.carriers;
+        if carriers.own.is_empty() {
+            return Some(system);
+        }
+        for carrier in &carriers.own {
+            system.add_body(carrier.velocity, InverseMass::FIXED);
+        }
+        (carriers.first + carriers.own.len() == system.velocities.len()).then_some(system)
     }
 
     /// Returns [`World::system`] with the gaps measured by the last contact search.
@@ -487,7 +555,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Wakes a body and all bodies with a collider whose stored box overlaps one of its own, if the
     /// two colliders can collide.
-    fn wake_neighbors(&mut self, body: usize) {
+    pub(crate) fn wake_neighbors(&mut self, body: usize) {
         self.wake_slot(body);
         let Self { bodies, colliders, broad_phase, .. } = self;
         let mut near = Vec::new();
@@ -538,8 +606,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Recomputes which pairs of shapes joints keep from colliding.
+    /// Recomputes which pairs of shapes joints keep from colliding, and which contacts they hold.
     pub(crate) fn pair_again(&mut self) {
+        let Self { bodies, solver, .. } = self;
+        for slot in solver.joints.find_locked(|body| bodies.is_static(body)) {
+            for body in solver.joints.records[slot as usize].members() {
+                bodies.rebuild_contacts(body as usize);
+            }
+        }
         if !self.solver.joints.find_separated() {
             return;
         }
@@ -567,7 +641,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             out.fastest = out.fastest.max(f64::from(velocity.linear.length()));
             out.kinetic_energy += 0.5 * self.bodies.mass(body).squared(&velocity.cast());
         }
-        out.potential_energy = self.bodies.potential_energy(self.gravity);
+        let [kinetic, potential] = self.bodies.held_energy(self.gravity);
+        out.kinetic_energy += kinetic;
+        out.potential_energy = self.bodies.potential_energy(self.gravity) + potential;
         out.deepest_penetration = f64::from(self.solver.lanes.overlap());
         for pair in self.contacts.pairs.iter().filter(|pair| pair.is_sleeping) {
             let sleeping = self.sleep.cache.view();
@@ -578,7 +654,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 }
             }
         }
-        out.residual = f64::from(self.solver.lanes.residual(&self.bodies.velocities));
+        let residual = if self.solver.carriers.own.is_empty() {
+            self.solver.lanes.residual(&self.bodies.velocities)
+        } else {
+            let system = self.with_carriers();
+            system.map_or(0.0, |system| self.solver.lanes.residual(&system.velocities))
+        };
+        out.residual = f64::from(residual);
         out
     }
 

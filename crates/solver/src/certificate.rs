@@ -207,8 +207,8 @@ impl Line {
         if gap.is_nan() {
             return [f64::INFINITY, 0.0];
         }
-        // Rounding leaves at least this much of the terms.
-        let gap = gap.max(1e-15 * self.gap.c);
+        // Rounding leaves at least this much of the terms, and may leave less than nothing.
+        let gap = gap.max(1e-15 * self.gap.c).max(0.0);
         [gap, self.defect.at(x).clamp(0.0, gap)]
     }
 }
@@ -655,5 +655,18 @@ impl<const L: usize, const A: usize> BodyRange<'_, L, A> {
                 share.a = 0.5 * way.dot(&inverse.velocity(way));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A gap that rounding leaves below zero counts as zero, and does not panic.
+    #[test]
+    fn a_gap_of_rounding_errors_is_nothing() {
+        let of = |c| Parabola { a: 0.0, b: 0.0, c };
+        let line = Line { gap: of(-8.6e-33), defect: of(1e-20) };
+        assert_eq!(line.best(), [0.0; 2]);
     }
 }

@@ -74,6 +74,15 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
         self.jacobian[0].dot(a) + self.jacobian[1].dot(b)
     }
 
+    /// Returns true if it concerns rotations alone.
+    #[inline(always)]
+    pub fn is_turn(&self) -> bool
+    where
+        T: PartialEq,
+    {
+        self.jacobian.iter().all(|own| own.linear == Vector::ZERO)
+    }
+
     /// Returns its law without the [`bias`](Self::bias).
     #[inline(always)]
     pub fn unbiased_law(&self) -> Interval<T> {

@@ -196,7 +196,7 @@ const IN_LANES: usize = 256;
 
 /// Limit of the iterations of an island with joints. A visit of its mechanisms costs a fraction of an
 /// iteration of Newton's method.
-const WITH_JOINTS: usize = 16;
+const WITH_JOINTS: usize = 6;
 
 /// Limit of the iterations of a large island, per body: factoring its matrix takes longer than that
 /// many sweeps. Convergence is not judged for a quarter of the iterations beyond [`IN_LANES`],
@@ -328,7 +328,8 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
             let finer = Goal { tolerance: AIM * goal.tolerance, ..*goal };
             for island in 0..islands.count {
                 if beyond(&self.errors[island]) {
-                    replace(system, joints, prospective, islands, island as u32, &finer);
+                    let least = self.errors[island];
+                    replace((system, joints), prospective, islands, (island as u32, least), &finer);
                     outcome.newton += 1;
                 }
             }
@@ -361,16 +362,8 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         outcome
     }
 
-    /// Runs the methods in lanes, and leaves the certified errors of the islands in `errors`.
-    fn in_lanes<const RESIDUALS: bool>(
-        &mut self,
-        velocities: &mut [Velocity<f32, L, A>],
-        (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
-        prospective: &[Velocity<f32, L, A>],
-        islands: &Islands,
-        goal: &Goal,
-        outcome: &mut SolveReport,
-    ) {
+    /// Prepares for the methods in lanes: no island is done, and each has its aim.
+    fn begin_lanes(&mut self, joints: &Mechanisms<L, A>, islands: &Islands, goal: &Goal) {
         self.done.clear();
         self.done.resize(islands.count, false);
         self.jointed.clear();
@@ -382,10 +375,28 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         }
         self.errors.clear();
         self.errors.resize(islands.count, f64::INFINITY);
-        lanes.begin_conjugate();
         let (least, most) = (AIM * goal.tolerance, goal.tolerance);
         self.aims.clear();
-        self.aims.extend(self.speeds.iter().map(|speed| (OF_SPEED * speed).max(least).min(most)));
+        let islands_of = self.speeds.iter().zip(&self.jointed);
+        // The error of a light limb is many times that of its island, and opens its joints.
+        self.aims.extend(islands_of.map(|(speed, &jointed)| match jointed {
+            true => least,
+            false => (OF_SPEED * speed).max(least).min(most),
+        }));
+    }
+
+    /// Runs the methods in lanes, and leaves the certified errors of the islands in `errors`.
+    fn in_lanes<const RESIDUALS: bool>(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        goal: &Goal,
+        outcome: &mut SolveReport,
+    ) {
+        self.begin_lanes(joints, islands, goal);
+        lanes.begin_conjugate();
         let mut before = Vec::new();
         while self.done.contains(&false) {
             let longest = LONGEST.max(outcome.iterations / 4);
@@ -432,6 +443,10 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         let mut open = self.done.iter().zip(&self.jointed);
         let has_joints = open.any(|(done, jointed)| *jointed && !done);
         loop {
+            if has_joints {
+                // The visits of the mechanisms are not among the directions.
+                lanes.begin_conjugate();
+            }
             lanes.conjugate(velocities, &self.done);
             if has_joints {
                 joints.solve(velocities);
@@ -549,14 +564,13 @@ fn is_crowded<const L: usize, const A: usize>(system: &System<f64, L, A>) -> boo
     bodies.into_iter().any(|(count, mass)| *count > CROWD && *mass != InverseMass::FIXED)
 }
 
-/// Solves one island in `f64` by the methods that factor a matrix, and copies its velocities and
-/// impulses back.
+/// Solves one island in `f64` by the methods that factor a matrix. Copies its velocities and
+/// impulses back if their error is below that of the present ones, which it has with its index.
 fn replace<const L: usize, const A: usize>(
-    system: &mut System<f32, L, A>,
-    joints: &mut Mechanisms<L, A>,
+    (system, joints): (&mut System<f32, L, A>, &mut Mechanisms<L, A>),
     prospective: &[Velocity<f32, L, A>],
     islands: &Islands,
-    island: u32,
+    (island, present): (u32, f64),
     goal: &Goal,
 ) {
     let mut part = SubSystem::default();
@@ -571,7 +585,9 @@ fn replace<const L: usize, const A: usize>(
     let newton_only = is_crowded(&part.system) || !part.system.joints.is_empty();
     let methods = if newton_only { &methods[..1] } else { methods };
     let (solution, _) = solve_by(methods, &mut part.system, goal);
-    if solution.status == Status::BadInput {
+    // Newton's method may stall far from the solution. NaN is never below.
+    let is_better = solution.certificate.error() < present;
+    if solution.status == Status::BadInput || !is_better {
         return;
     }
     for (velocity, &body) in part.system.velocities.iter().zip(&part.bodies) {

@@ -3,7 +3,9 @@
 use drystone::geometry::Geometry;
 use drystone::{BodyId, ColliderId, InputError, Vector, Velocity, World};
 use drystone_scene::Rotation;
+use serde::{Deserialize, Serialize};
 
+use super::guide::{Guide, MeshGuide};
 use crate::forms::place;
 use crate::input::check_count;
 
@@ -22,6 +24,66 @@ pub struct TouchingPairs {
     pub gaps: Vec<f32>,
     /// Sums of the normal impulses of the last step, if recorded. \[N s\]
     pub impulses: Vec<f32>,
+}
+
+/// Normal impulses between colliders in a step
+/// ([`PairImpulse`](drystone::PairImpulse)), one entry for each pair of colliders.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PairImpulses {
+    /// Slots of bodies a and b.
+    pub bodies: Vec<[u32; 2]>,
+    /// World positions, weighted by impulses: two or three numbers each. \[m\]
+    pub points: Vec<f32>,
+    /// Unit normals from b towards a: two or three numbers each.
+    pub normals: Vec<f32>,
+    /// Sums of the normal impulses. \[N s\]
+    pub impulses: Vec<f32>,
+    /// Approach speeds with the velocities before the step. \[m/s\]
+    pub speeds: Vec<f32>,
+}
+
+impl PairImpulses {
+    /// No entries.
+    pub const NONE: Self = Self {
+        bodies: Vec::new(),
+        points: Vec::new(),
+        normals: Vec::new(),
+        impulses: Vec::new(),
+        speeds: Vec::new(),
+    };
+
+    /// Appends the entries of another step.
+    pub fn append(&mut self, other: &Self) {
+        self.bodies.extend(&other.bodies);
+        self.points.extend(&other.points);
+        self.normals.extend(&other.normals);
+        self.impulses.extend(&other.impulses);
+        self.speeds.extend(&other.speeds);
+    }
+
+    /// Returns true if there are as many numbers as the pairs of bodies need, all of which are
+    /// below `bodies`.
+    pub fn fits(&self, bodies: usize, dimension: usize) -> bool {
+        let count = self.bodies.len();
+        let vectors = count.saturating_mul(dimension);
+        [self.points.len(), self.normals.len()] == [vectors; 2]
+            && [self.impulses.len(), self.speeds.len()] == [count; 2]
+            && self.bodies.as_flattened().iter().all(|body| (*body as usize) < bodies)
+    }
+}
+
+pub(super) fn impulses_of<G: Geometry<L, A>, const L: usize, const A: usize>(
+    world: &World<G, L, A>,
+) -> PairImpulses {
+    let mut pairs = PairImpulses::default();
+    for pair in world.impulses() {
+        pairs.bodies.push(pair.bodies.map(|id| id.index() as u32));
+        pairs.points.extend(pair.point.0);
+        pairs.normals.extend(pair.normal.0);
+        pairs.impulses.push(pair.impulse);
+        pairs.speeds.push(pair.speed);
+    }
+    pairs
 }
 
 pub(super) fn write_touching<G: Geometry<L, A>, const L: usize, const A: usize>(
@@ -91,8 +153,35 @@ pub(super) fn write_velocity<const L: usize, const A: usize>(
     out.extend(std::iter::repeat_n(0.0, spin - A));
 }
 
+/// Guides the body in a slot in a step of `dt` \[s\] that ends at `time`: along its track, or by
+/// its force; and the vertices of its meshes. Releases it if its track has ended.
+pub(super) fn guide<G: Geometry<L, A>, const L: usize, const A: usize>(
+    world: &mut World<G, L, A>,
+    slot: usize,
+    guide: &Guide,
+    [time, dt]: [f64; 2],
+) -> Result<(), InputError> {
+    let Some(id) = world.body_at(slot) else { return Ok(()) };
+    for mesh in guide.meshes.iter().filter(|mesh| mesh.moves([time - dt, time])) {
+        if let Some(collider) = collider_of(world, id, mesh.shape) {
+            world.move_vertices(collider, &vectors(&mesh.at(time)))?;
+        }
+    }
+    if guide.leads(time) {
+        let (position, rotation) = guide.track.at(time);
+        return follow(world, slot, (&position, &rotation), dt as f32);
+    }
+    if guide.leads(time - dt) {
+        world.hold(id, false)?;
+    }
+    if guide.pushes() && !world.is_sleeping(id) {
+        world.add_force(id, velocity_of(&guide.force))?;
+    }
+    Ok(())
+}
+
 /// Moves the body in a slot to a pose of its track within `dt` \[s\].
-pub(super) fn follow<G: Geometry<L, A>, const L: usize, const A: usize>(
+fn follow<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     slot: usize,
     (position, rotation): (&[f64], &Rotation),
@@ -100,4 +189,43 @@ pub(super) fn follow<G: Geometry<L, A>, const L: usize, const A: usize>(
 ) -> Result<(), InputError> {
     let target = place::<G, L, A>(position, rotation);
     world.body_at(slot).map_or(Ok(()), |id| world.move_to(id, &target, dt))
+}
+
+/// Origin of the vertices of a mesh: placed for the first time, or as a checkpoint had them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    Anew,
+    Restored,
+}
+
+/// Gives a mesh that deforms the vertices that it has at `time` \[s\].
+pub(super) fn place_mesh<G: Geometry<L, A>, const L: usize, const A: usize>(
+    world: &mut World<G, L, A>,
+    id: BodyId,
+    mesh: &MeshGuide,
+    (time, place): (f64, Place),
+) -> Result<(), InputError> {
+    let Some(collider) = collider_of(world, id, mesh.shape) else { return Ok(()) };
+    let vertices = vectors(&mesh.at(time));
+    match place {
+        Place::Anew => world.set_vertices(collider, &vertices),
+        Place::Restored => world.restore_vertices(collider, &vertices),
+    }
+}
+
+/// Returns the collider of a shape of a body that is not dynamic.
+fn collider_of<G: Geometry<L, A>, const L: usize, const A: usize>(
+    world: &World<G, L, A>,
+    id: BodyId,
+    shape: usize,
+) -> Option<ColliderId> {
+    // They come in reverse order of addition.
+    let last = world.colliders(id).count().checked_sub(1)?;
+    world.colliders(id).nth(last.checked_sub(shape)?)
+}
+
+fn vectors<const L: usize>(points: &[[f32; 3]]) -> Vec<Vector<f32, L>> {
+    let vector =
+        |point: &[f32; 3]| Vector(std::array::from_fn(|i| point.get(i).copied().unwrap_or(0.0)));
+    points.iter().map(vector).collect()
 }

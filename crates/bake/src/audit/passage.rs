@@ -113,7 +113,7 @@ mod tests {
             [1.0, 0.0, -1.0],
         ];
         let triangles = vec![[0, 2, 1], [0, 3, 2], [0, 4, 3], [0, 1, 4]];
-        form(ShapeKind::Trimesh { vertices, triangles, decomposition: None })
+        form(ShapeKind::Trimesh { vertices, triangles, decomposition: None, vertex_track: None })
     }
 
     #[test]

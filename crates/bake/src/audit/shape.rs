@@ -551,7 +551,10 @@ mod tests {
     fn a_mesh_and_a_plane_are_measured_from_their_surface() {
         let vertices = vec![[-2.0, 0.0, -2.0], [2.0, 0.0, -2.0], [2.0, 0.0, 2.0], [-2.0, 0.0, 2.0]];
         let triangles = vec![[0, 2, 1], [0, 3, 2]];
-        let sheet = form(ShapeKind::Trimesh { vertices, triangles, decomposition: None }, 3);
+        let sheet = form(
+            ShapeKind::Trimesh { vertices, triangles, decomposition: None, vertex_track: None },
+            3,
+        );
         let plane = form(ShapeKind::Halfspace { normal: vec![0.0, 1.0, 0.0] }, 3);
         for floor in [&sheet, &plane] {
             for (thing, half) in [(cube(0.1, 3), 0.1), (hull(0.2), 0.2)] {

@@ -12,12 +12,9 @@ pub fn decompositions(scene: &Scene, known: &mut Decompositions) -> Vec<Finding>
     let (mut findings, mut said) = (Vec::new(), BTreeSet::new());
     for (index, body) in scene.bodies.iter().enumerate() {
         for shape in body.shapes.iter().filter(|_| body.motion == Motion::Dynamic) {
-            let ShapeKind::Trimesh { vertices, triangles, decomposition } = &shape.kind else {
-                continue;
-            };
+            let ShapeKind::Trimesh { decomposition, .. } = &shape.kind else { continue };
             let options = decomposition.unwrap_or_default();
-            let single: Vec<_> = vertices.iter().map(|p| p.map(|x| f64::from(x as f32))).collect();
-            let Ok(found) = known.of(&single, triangles, &options) else { continue };
+            let Some(Ok(found)) = known.of_shape(&shape.kind) else { continue };
             let of = found.deviation;
             let worst = of.outward.max(of.inward);
             if found.pieces.len() == 1 && worst <= options.accuracy * found.size

@@ -61,6 +61,50 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
     findings
 }
 
+/// Finds meshes whose vertices move farther between two searches for contacts than the thinnest
+/// dynamic body is thick.
+pub(super) fn deforms_too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
+    let thin = |(index, body): (usize, &Body)| {
+        let dynamic = body.motion == Motion::Dynamic;
+        let least = body.shapes.iter().filter_map(thickness).reduce(f64::min);
+        least.filter(|_| dynamic).map(|thickness| (index, thickness))
+    };
+    let solid = scene.bodies.iter().enumerate().filter_map(thin);
+    let Some((other, limit)) = solid.min_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
+    let searches = f64::from(settings.max_searches.max(1));
+    let mut findings = Vec::new();
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let tracks = body.shapes.iter().filter_map(|shape| {
+            let track = shape.kind.vertex_track()?;
+            let (path, key) = track.longest(scene.time_step / searches);
+            Some((path, track.times[key]))
+        });
+        let Some((path, time)) = tracks.max_by(|a, b| a.0.total_cmp(&b.0)) else { continue };
+        if path > limit {
+            let what = format!(
+                "a vertex of {} moves {} between two searches for contacts, from {time:.3} s on \
+                 ({searches} per step); accepted: up to {}, the thickness of {}",
+                scene.name_of(index),
+                length(path),
+                length(limit),
+                scene.name_of(other)
+            );
+            let slower = scene.time_step * limit / path;
+            let advice = format!("bodies may tunnel: set time_step to {slower:.1e} s or less");
+            findings.push(Finding {
+                kind: FindingKind::TooFast,
+                bodies: vec![index, other],
+                joint: None,
+                value: Some(path),
+                limit: Some(limit),
+                what,
+                advice,
+            });
+        }
+    }
+    findings
+}
+
 /// Finds jumps in the tracks of bodies. A jump moves a body by more than a fraction of its
 /// thickness in less than half a step. It is also many times faster than the motion before and
 /// after it. Causes are a key with STEP interpolation, or two keys at almost the same time.

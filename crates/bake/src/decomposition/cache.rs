@@ -10,7 +10,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::{ALGORITHM, Decomposition, Unit};
 use drystone_scene::solid_mesh::SolidMesh;
-use drystone_scene::{DecompositionOptions, NotSolid, write_whole};
+use drystone_scene::{DecompositionOptions, NotSolid, ShapeKind, write_whole};
 
 /// Environment variable that names the cache folder, or turns it off.
 const VARIABLE: &str = "DRYSTONE_CACHE";
@@ -92,6 +92,17 @@ impl Decompositions {
             }
         };
         Ok(unit.at(surface.center, surface.size))
+    }
+
+    /// Returns the pieces as which a mesh of a dynamic body collides; `None` for other shapes.
+    ///
+    /// Its vertices are rounded to `f32`, as for contacts.
+    pub fn of_shape(&mut self, kind: &ShapeKind) -> Option<Result<Decomposition, NotSolid>> {
+        let ShapeKind::Trimesh { vertices, triangles, decomposition, .. } = kind else {
+            return None;
+        };
+        let single: Vec<_> = vertices.iter().map(|p| p.map(|x| f64::from(x as f32))).collect();
+        Some(self.of(&single, triangles, &decomposition.unwrap_or_default()))
     }
 }
 

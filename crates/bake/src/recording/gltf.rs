@@ -13,13 +13,11 @@ use super::animation::{Target, append_clip};
 use super::pose::{Pose, pose_at};
 use super::sampling::Sampling;
 use drystone_scene::export::{GltfBuffer, Use, write_glb};
-use drystone_scene::gltf::{BodyNode, Source, contained};
+use drystone_scene::gltf::{BAKED, BodyNode, Source, contained};
 use drystone_scene::graph::math::{self, Quat};
 use drystone_scene::graph::transform::{Affine, Trs};
 use drystone_scene::{Place, Warning, file};
 
-/// Name of the added animation.
-const CLIP: &str = "Drystone";
 /// Alignment of buffers, which suits every component type. \[byte\]
 const ALIGNMENT: usize = 8;
 /// Largest embedded image. \[byte\]
@@ -69,9 +67,25 @@ fn add_clip(
         targets.push(Target { node: node.node, body: *body, unit, local });
     }
     let mut gltf = GltfBuffer { document, bytes: bin, buffer: 0 };
-    let clip = append_clip(&mut gltf, CLIP, recording, &targets, options)?;
+    let clip = append_clip(&mut gltf, BAKED, recording, &targets, options)?;
     let nodes = targets.iter().map(|target| target.node).collect();
-    repeat(&mut gltf, clip, &nodes)
+    if repeat(&mut gltf, clip, &nodes) {
+        play_first(gltf.document);
+    }
+    Ok(())
+}
+
+/// Moves the last animation to the front, since viewers and importers play the first. Other
+/// animations follow. Leaves the order if an extension names animations by their indices.
+fn play_first(document: &mut Value) {
+    let uses = document.get("extensionsUsed").and_then(Value::as_array);
+    let mut names = uses.into_iter().flatten().filter_map(Value::as_str);
+    if names.any(|name| name == "KHR_interactivity") {
+        return;
+    }
+    if let Some(animations) = document.get_mut("animations").and_then(Value::as_array_mut) {
+        animations.rotate_right(1);
+    }
 }
 
 /// Returns the length of a unit of the node's translation in the world. \[m\]
@@ -147,14 +161,13 @@ fn separate_matrix(document: &mut Value, body: &BodyNode) -> io::Result<()> {
 }
 
 /// Copies the channels of the file's first animation to the clip, except those of nodes whose pose
-/// the clip already sets.
-fn repeat(
-    gltf: &mut GltfBuffer<'_>,
-    clip: Option<usize>,
-    written: &BTreeSet<usize>,
-) -> io::Result<()> {
-    let first = gltf.document.get("animations").and_then(|list| list.get(0)).cloned();
-    let Some(first) = first.filter(|_| clip != Some(0)) else { return Ok(()) };
+/// the clip already sets. Returns true if there is a clip then.
+fn repeat(gltf: &mut GltfBuffer<'_>, clip: Option<usize>, written: &BTreeSet<usize>) -> bool {
+    let animations = gltf.document.get("animations").and_then(Value::as_array);
+    let is_theirs =
+        |animation: &&Value| animation.get("name").and_then(Value::as_str) != Some(BAKED);
+    let first = animations.and_then(|all| all.iter().find(is_theirs)).cloned();
+    let Some(first) = first else { return clip.is_some() };
     let own = clip.and_then(|clip| gltf.document["animations"].get(clip));
     let list = |of: Option<&Value>, key: &str| {
         of.and_then(|of| of.get(key)).and_then(Value::as_array).cloned().unwrap_or_default()
@@ -175,14 +188,14 @@ fn repeat(
         channels.push(channel);
     }
     if channels.is_empty() {
-        return Ok(());
+        return false;
     }
-    let animation = json!({ "name": CLIP, "samplers": samplers, "channels": channels });
+    let animation = json!({ "name": BAKED, "samplers": samplers, "channels": channels });
     match clip {
         Some(clip) => gltf.document["animations"][clip] = animation,
         None => _ = gltf.push("animations", animation),
     }
-    Ok(())
+    true
 }
 
 /// Sets the length of the buffer, or removes it: a document without data has no buffer.

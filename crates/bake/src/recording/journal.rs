@@ -27,7 +27,8 @@ use serde::{Deserialize, Serialize};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 use super::joints::{JointFrame, JointLayout, JointRecording};
-use super::{Named, Recording};
+use super::{Named, Recording, Velocities};
+use crate::any_world::PairImpulses;
 use drystone::geometry::pose_numbers;
 use drystone::{Measure, StepReport, StepSettings};
 use drystone_scene::{self as scene, Scene, sync_directory};
@@ -58,6 +59,18 @@ pub struct Header {
     /// Names of the joints.
     #[serde(default, skip_serializing_if = "JointLayout::is_empty")]
     pub joints: JointLayout,
+    /// Data of frames besides poses and joints.
+    #[serde(default)]
+    pub extras: Extras,
+}
+
+/// Data of the frames of a journal besides poses and joints. They do not change the bake.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Extras {
+    /// Velocities of the bodies.
+    pub velocities: bool,
+    /// Impulses of contacts.
+    pub contacts: bool,
 }
 
 impl Header {
@@ -73,6 +86,7 @@ impl Header {
             frame_time: scene.time_step,
             names: scene.names(),
             joints: JointLayout::of(scene),
+            extras: Extras::default(),
         }
     }
 
@@ -92,8 +106,19 @@ impl Header {
             let list: Vec<_> = keys.filter_map(differs).collect();
             return Some(format!("it was baked with {}", list.join(", ")));
         }
-        (self != asked)
+        let same = Self { extras: asked.extras, ..self.clone() };
+        (same != *asked)
             .then(|| "it is of another scene, or of an earlier version of this one".to_owned())
+    }
+
+    /// Describes what the bake that was `asked` for needs and the frames do not hold, if there is
+    /// anything.
+    pub fn lack(&self, asked: &Self) -> Option<&'static str> {
+        let (own, other) = (self.extras, asked.extras);
+        if other.velocities && !own.velocities {
+            return Some("its frames have no velocities, which .npz needs");
+        }
+        (other.contacts && !own.contacts).then_some("its frames have no contacts for --contacts")
     }
 
     /// Returns the number of floats per frame.
@@ -115,6 +140,19 @@ pub struct Step {
     pub state: u64,
 }
 
+/// State at a frame.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameState<'a> {
+    /// Poses of all bodies.
+    pub poses: &'a [f32],
+    /// The joints.
+    pub joints: &'a JointFrame,
+    /// Velocities of all bodies, if the header has them ([`Extras`]).
+    pub velocities: &'a [f32],
+    /// Impulses of the step that led to the frame, if the header has them.
+    pub contacts: &'a PairImpulses,
+}
+
 /// Poses of all bodies and the joints, and the step that led to them (`None` for the initial
 /// state).
 #[derive(Serialize, Deserialize)]
@@ -122,6 +160,8 @@ struct FrameRecord<'a, P> {
     step: Option<Cow<'a, Step>>,
     poses: P,
     joints: Cow<'a, JointFrame>,
+    velocities: P,
+    contacts: Cow<'a, PairImpulses>,
 }
 
 /// Position of a checkpoint in a journal.
@@ -142,6 +182,10 @@ pub struct Contents {
     pub recording: Recording,
     /// Joints at each frame.
     pub joints: Vec<JointFrame>,
+    /// Velocities at each frame, if the header has them.
+    pub velocities: Velocities,
+    /// Impulses of contacts at each frame, if the header has them.
+    pub contacts: Vec<PairImpulses>,
     /// Steps between the frames.
     pub steps: Vec<Step>,
     /// Checkpoints in order.
@@ -155,7 +199,8 @@ impl Contents {
     pub fn named(self) -> Named {
         let broken = self.steps.iter().map(|step| step.report.broken.as_slice());
         let joints = JointRecording::new(self.header.joints, &self.joints, broken);
-        Named { recording: self.recording, names: self.header.names, joints }
+        let Self { recording, velocities, .. } = self;
+        Named { recording, names: self.header.names, joints, velocities }
     }
 }
 
@@ -217,18 +262,15 @@ impl Journal {
         Ok(Some((Self { path: path.to_owned(), file, end, is_synced: true }, contents)))
     }
 
-    /// Appends a frame: the poses of the bodies and the joints.
+    /// Appends a frame, and the step that led to it.
     ///
     /// # Errors
     /// If the system refuses.
-    pub fn frame(
-        &mut self,
-        step: Option<&Step>,
-        poses: &[f32],
-        joints: &JointFrame,
-    ) -> io::Result<()> {
+    pub fn frame(&mut self, step: Option<&Step>, state: &FrameState<'_>) -> io::Result<()> {
+        let FrameState { poses, joints, velocities, contacts } = *state;
         let (step, joints) = (step.map(Cow::Borrowed), Cow::Borrowed(joints));
-        let frame = FrameRecord { step, poses, joints };
+        let frame =
+            FrameRecord { step, poses, joints, velocities, contacts: Cow::Borrowed(contacts) };
         let frame = postcard::to_stdvec(&frame).map_err(io::Error::other)?;
         self.append(RecordKind::FrameRecord, &frame)
     }
@@ -424,8 +466,16 @@ impl Contents {
             start: 0,
             poses: Vec::new(),
         };
-        let (joints, steps, checkpoints) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { header, recording, joints, steps, checkpoints, begun: false })
+        Ok(Self {
+            header,
+            recording,
+            joints: Vec::new(),
+            velocities: Velocities::default(),
+            contacts: Vec::new(),
+            steps: Vec::new(),
+            checkpoints: Vec::new(),
+            begun: false,
+        })
     }
 
     fn add(&mut self, record: JournalRecord) -> io::Result<()> {
@@ -439,16 +489,33 @@ impl Contents {
         }
         let frame: FrameRecord<'_, Vec<f32>> = postcard::from_bytes(&record.content)
             .map_err(|error| refusal(&format!("a frame cannot be read: {error}")))?;
-        let fits =
-            frame.poses.len() == self.header.numbers() && frame.joints.fits(&self.header.joints);
-        if !fits || frame.step.is_some() != self.begun {
+        if !frame.fits(&self.header) || frame.step.is_some() != self.begun {
             return Err(refusal("a frame does not fit its header"));
         }
         self.begun = true;
         self.recording.poses.extend(frame.poses);
+        self.velocities.numbers.extend(frame.velocities);
+        if self.header.extras.contacts {
+            self.contacts.push(frame.contacts.into_owned());
+        }
         self.joints.push(frame.joints.into_owned());
         self.steps.extend(frame.step.map(Cow::into_owned));
         Ok(())
+    }
+}
+
+impl FrameRecord<'_, Vec<f32>> {
+    /// Returns true if it has what the header says.
+    fn fits(&self, header: &Header) -> bool {
+        let Header { dimension, extras, .. } = *header;
+        let bodies = header.names.len();
+        let velocities = bodies.saturating_mul(Velocities::stride(dimension));
+        let no_contacts = self.contacts.bodies.is_empty();
+        self.poses.len() == header.numbers()
+            && self.velocities.len() == if extras.velocities { velocities } else { 0 }
+            && (extras.contacts || no_contacts)
+            && self.contacts.fits(bodies, dimension)
+            && self.joints.fits(&header.joints)
     }
 }
 

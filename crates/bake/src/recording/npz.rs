@@ -16,12 +16,28 @@ use npyz::{AutoSerialize, DType, Deserialize, NpyFile, Serialize, WriterBuilder 
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
+use super::contacts::ContactRecording;
 use super::joints::{AxisName, JointLayout, JointRecording, LOADS};
-use super::{APART, Named, Recording};
+use super::{APART, Named, Recording, Velocities};
 use drystone_scene::{self as scene, write_whole};
 
 /// Largest accepted number of a first frame.
 const LATEST: f64 = 1e9;
+
+/// Contents of a file of arrays.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrays<'a> {
+    /// The poses.
+    pub recording: &'a Recording,
+    /// Velocities at its frames; empty if unknown.
+    pub velocities: &'a Velocities,
+    /// One name per body.
+    pub names: &'a [String],
+    /// Number of contact points in the step that led to each frame; empty if unknown.
+    pub contacts: &'a [u32],
+    /// The joints.
+    pub joints: &'a JointRecording,
+}
 
 /// Writes a recording as these arrays:
 ///
@@ -29,6 +45,11 @@ const LATEST: f64 = 1e9;
 /// - `names`: bodies;
 /// - `times`: frames, s, `<f8`;
 /// - `contacts`: frames, the number of contact points in the step that led to each, `<u4`.
+///
+/// these, if velocities are known, in world axes:
+///
+/// - `linear_velocities`: frames × bodies × dimension, of the center of mass, m/s, `<f4`;
+/// - `angular_velocities`: frames × bodies × 3 in 3D, frames × bodies in 2D, rad/s, `<f4`;
 ///
 /// and these, if there are joints:
 ///
@@ -42,13 +63,8 @@ const LATEST: f64 = 1e9;
 ///
 /// # Errors
 /// Those of [`write_whole`].
-pub fn write(
-    path: &Path,
-    recording: &Recording,
-    names: &[String],
-    contacts: &[u32],
-    joints: &JointRecording,
-) -> io::Result<()> {
+pub fn write(path: &Path, arrays: &Arrays<'_>) -> io::Result<()> {
+    let Arrays { recording, velocities, names, contacts, joints } = *arrays;
     let frames = recording.frames();
     let size = [frames, recording.bodies, recording.stride()].map(|n| n as u64);
     write_whole(path, |out| {
@@ -57,9 +73,77 @@ pub fn write(
         texts(&mut zip, "names", names.iter().map(String::as_str))?;
         array(&mut zip, "times", f64::default_dtype(), &[size[0]], recording.times())?;
         array(&mut zip, "contacts", u32::default_dtype(), &[contacts.len() as u64], contacts)?;
+        if !velocities.numbers.is_empty() {
+            write_velocities(&mut zip, velocities, recording)?;
+        }
         if !joints.layout.is_empty() {
             write_joints(&mut zip, joints, size[0])?;
         }
+        zip.finish()?;
+        Ok(())
+    })
+}
+
+fn write_velocities<W: Write + Seek>(
+    zip: &mut ZipWriter<W>,
+    velocities: &Velocities,
+    recording: &Recording,
+) -> io::Result<()> {
+    let dimension = recording.dimension;
+    let size = [recording.frames(), recording.bodies, dimension].map(|n| n as u64);
+    let f32s = f32::default_dtype;
+    array(zip, "linear_velocities", f32s(), &size, velocities.linear(dimension))?;
+    // In 2D an angular velocity is one number.
+    let size = if dimension == 3 { &size[..] } else { &size[..2] };
+    array(zip, "angular_velocities", f32s(), size, velocities.angular(dimension))
+}
+
+/// Writes contacts over time as these arrays, whose contacts are those of all frames in turn:
+///
+/// - `offsets`: frames + 1; the contacts of frame f are those from `offsets[f]` to
+///   `offsets[f + 1]`, without the latter, `<i8`;
+/// - `times`: frames, s, `<f8`;
+/// - `positions`: contacts × dimension, m, `<f4`;
+/// - `normals`: contacts × dimension, unit normals from the second body towards the first, `<f4`;
+/// - `impulses`: contacts, normal impulse in the step that led to the frame, N s, `<f4`;
+/// - `speeds`: contacts, approach speed with the velocities before that step, m/s, `<f4`;
+/// - `bodies`: contacts × 2, indices, `<i4`;
+/// - `names`: bodies.
+///
+/// # Errors
+/// Those of [`write_whole`].
+pub fn write_contacts(
+    path: &Path,
+    contacts: &ContactRecording<'_>,
+    names: &[String],
+) -> io::Result<()> {
+    let (frames, dimension) = (contacts.frames, contacts.dimension as u64);
+    let counts = frames.iter().map(|frame| frame.impulses.len() as i64);
+    let ends = counts.scan(0_i64, |end, count| {
+        *end = end.saturating_add(count);
+        Some(*end)
+    });
+    let offsets: Vec<i64> = std::iter::once(0).chain(ends).collect();
+    let count = offsets.last().map_or(0, |count| *count as u64);
+    let f32s = f32::default_dtype;
+    write_whole(path, |out| {
+        let mut zip = ZipWriter::new_stream(out);
+        let size = [offsets.len() as u64];
+        array(&mut zip, "offsets", i64::default_dtype(), &size, &offsets)?;
+        let size = [frames.len() as u64];
+        array(&mut zip, "times", f64::default_dtype(), &size, contacts.times())?;
+        let all = frames.iter().flat_map(|frame| &frame.points);
+        array(&mut zip, "positions", f32s(), &[count, dimension], all)?;
+        let all = frames.iter().flat_map(|frame| &frame.normals);
+        array(&mut zip, "normals", f32s(), &[count, dimension], all)?;
+        let all = frames.iter().flat_map(|frame| &frame.impulses);
+        array(&mut zip, "impulses", f32s(), &[count], all)?;
+        let all = frames.iter().flat_map(|frame| &frame.speeds);
+        array(&mut zip, "speeds", f32s(), &[count], all)?;
+        let all = frames.iter().flat_map(|frame| frame.bodies.as_flattened());
+        let all = all.map(|body| *body as i32);
+        array(&mut zip, "bodies", i32::default_dtype(), &[count, 2], all)?;
+        texts(&mut zip, "names", names.iter().map(String::as_str))?;
         zip.finish()?;
         Ok(())
     })
@@ -161,7 +245,37 @@ pub fn read(path: &Path) -> io::Result<Named> {
         Some(_) => read_joints(&mut zip, size, frames)?,
         None => JointRecording::default(),
     };
-    Ok(Named { recording, names, joints })
+    let velocities = match zip.index_for_name("linear_velocities.npy") {
+        Some(_) => read_velocities(&mut zip, size, [frames, bodies], dimension)?,
+        None => Velocities::default(),
+    };
+    Ok(Named { recording, names, joints, velocities })
+}
+
+fn read_velocities(
+    zip: &mut ZipArchive<impl Read + Seek>,
+    size: u64,
+    [frames, bodies]: [u64; 2],
+    dimension: usize,
+) -> io::Result<Velocities> {
+    let (linear, linear_shape) = load::<f32>(zip, size, "linear_velocities")?;
+    let (angular, angular_shape) = load::<f32>(zip, size, "angular_velocities")?;
+    let linear_fits = linear_shape == [frames, bodies, dimension as u64];
+    let angular_fits = match dimension {
+        3 => angular_shape == [frames, bodies, 3],
+        _ => angular_shape == [frames, bodies],
+    };
+    if linear_fits && angular_fits {
+        return Ok(Velocities::join(dimension, &linear, &angular));
+    }
+    let turning = if dimension == 3 { " × 3" } else { "" };
+    Err(io::Error::new(
+        io::ErrorKind::InvalidData,
+        format!(
+            "linear_velocities are {linear_shape:?} and angular_velocities {angular_shape:?}; \
+             accepted: {frames} × {bodies} × {dimension} and {frames} × {bodies}{turning}"
+        ),
+    ))
 }
 
 fn read_joints(
@@ -245,7 +359,14 @@ mod tests {
         let poses = (0..frames * 6).map(|i| i as f32 / 3.0).collect();
         let recording = Recording { dimension: 2, bodies: 2, frame_time: 0.5, start: 0, poses };
         let names = vec!["ball".to_owned(), "Würfel 2".to_owned()];
-        Named { recording, names, joints: JointRecording::default() }
+        let (joints, velocities) = (JointRecording::default(), Velocities::default());
+        Named { recording, names, joints, velocities }
+    }
+
+    /// The same with velocities.
+    fn moving(frames: usize) -> Named {
+        let numbers = (0..frames * 6).map(|i| i as f32 / 5.0).collect();
+        Named { velocities: Velocities { numbers }, ..named(frames) }
     }
 
     /// A hinge without an axis and one with two, which breaks before frame 2.
@@ -261,8 +382,37 @@ mod tests {
         Named { joints, ..named(frames) }
     }
 
-    fn write_named(path: &Path, Named { recording, names, joints }: &Named, contacts: &[u32]) {
-        write(path, recording, names, contacts, joints).unwrap();
+    fn write_named(path: &Path, named: &Named, contacts: &[u32]) {
+        let Named { recording, names, joints, velocities } = named;
+        write(path, &Arrays { recording, velocities, names, contacts, joints }).unwrap();
+    }
+
+    /// Velocities are read as written, in 2D and 3D, and those of another number of frames refused.
+    #[test]
+    fn velocities_are_read_as_they_were_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.npz");
+        write_named(&path, &moving(3), &[]);
+        assert_eq!(read(&path).unwrap(), moving(3));
+        let mut zip = ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
+        let mut of = |name: &str| load::<f32>(&mut zip, 1 << 20, name).unwrap();
+        let (linear, shape) = of("linear_velocities");
+        assert_eq!((&linear[..4], shape), (&[0.0, 0.2, 0.6, 0.8][..], vec![3, 2, 2]));
+        let (angular, shape) = of("angular_velocities");
+        assert_eq!((&angular[..2], shape), (&[0.4, 1.0][..], vec![3, 2]));
+        let mut space = moving(2);
+        space.recording = Recording { dimension: 3, bodies: 1, ..space.recording };
+        space.recording.poses = (0..14).map(|i| i as f32).collect();
+        space.names.pop();
+        write_named(&path, &space, &[]);
+        assert_eq!(read(&path).unwrap(), space);
+        let short = Named { velocities: moving(2).velocities, ..named(3) };
+        let message = {
+            let Named { recording, names, joints, velocities } = &short;
+            let all = Arrays { recording, velocities, names, contacts: &[], joints };
+            write(&path, &all).unwrap_err().to_string()
+        };
+        assert!(!message.is_empty());
     }
 
     #[test]

@@ -4,13 +4,25 @@
 use std::io;
 use std::path::Path;
 
+use super::clock::Clock;
 use super::parallel::each_of;
 use super::pose::{dot, lerp, normalized, pose_at, slerp};
-use super::sampling::{Track, sample_rate, sample_times, tracks};
+use super::sampling::{Track, tracks};
+use super::usd_instances::Groups;
 use super::{JointRecording, Recording, Sampling};
 use crate::engine::Drystone;
 use drystone_scene::Scene;
-use drystone_scene::export::usd::{PrimWriter, Prims, rounded, tuple, write_stage};
+use drystone_scene::export::usd::{PrimWriter, Prims, StageHead, tuple, write_stage};
+
+/// Form of the bodies in a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodiesAsPrims {
+    /// Each is a prim with the schemas of UsdPhysics.
+    Each,
+    /// Moving bodies of equal shapes without joints are instances of one prototype, which has no
+    /// physics.
+    Instances,
+}
 
 /// Writes a scene as a stage with the schemas of UsdPhysics: an `Xform` per body, moved by time
 /// samples, with its shapes below it. Time code 0 is the initial state.
@@ -29,39 +41,63 @@ pub fn write(
     joints: &JointRecording,
     options: &Sampling,
 ) -> io::Result<()> {
+    write_as(path, (scene, BodiesAsPrims::Each), recording, joints, options)
+}
+
+/// Writes a scene as [`write`](fn@write) does, with bodies as prims or as instances.
+///
+/// # Errors
+/// Those of [`write`](fn@write).
+pub fn write_as(
+    path: &Path,
+    (scene, form): (&Scene, BodiesAsPrims),
+    recording: &Recording,
+    joints: &JointRecording,
+    options: &Sampling,
+) -> io::Result<()> {
     recording.must_have(scene.bodies.len(), scene.dimension)?;
-    must_have(joints, scene.joints.len())?;
-    let times = sample_times(recording, options);
-    let rate = rounded(sample_rate(recording, options));
-    let codes: Vec<f64> = times.iter().map(|time| rounded(time * rate)).collect();
+    joints_must_fit(joints, scene.joints.len())?;
+    let clock = Clock::new(recording, None, options);
+    let (times, codes) = (&clock.times, clock.codes());
     let prims = Prims::new(scene, &Drystone);
-    let bodies: Vec<PrimWriter> = each_of(scene.bodies.len(), |index| {
+    let groups = match form {
+        BodiesAsPrims::Instances if !times.is_empty() => Some(Groups::of(scene)),
+        _ => None,
+    };
+    let is_alone = |body: &usize| groups.as_ref().is_none_or(|groups| !groups.have(*body));
+    let alone: Vec<usize> = (0..scene.bodies.len()).filter(is_alone).collect();
+    let bodies: Vec<PrimWriter> = each_of(alone.len(), |place| {
+        let index = alone[place];
         let pose = |time| pose_at(recording, index, time);
         let mut prim = prims.body(index);
         if !times.is_empty() {
-            let (positions, rotations) = tracks(&times, pose, mixed, options, index)?;
+            let (positions, rotations) = tracks(times, pose, mixed, options, index)?;
             move_prim(&mut prim, &codes, &positions, &rotations);
         }
         Ok(prim)
     })?;
     let mut world = prims.world();
     world.children.extend(bodies);
+    if let Some(groups) = &groups {
+        world.children.extend(groups.prims(&prims, recording, &clock)?);
+    }
     if scene.dimension == 3 {
         let wrong = |why| io::Error::new(io::ErrorKind::InvalidInput, why);
         let mut scope = prims.joints().map_err(wrong)?;
         let scoped = scope.iter_mut().flat_map(|scope| &mut scope.children);
         for (prim, broken) in scoped.zip(&joints.broken) {
             let time = broken.map(|frame| frame as f64 * recording.frame_time);
-            break_prim(prim, time.map(|time| rounded(time * rate)), codes.first().copied());
+            break_prim(prim, time.map(|time| clock.code(time)), codes.first().copied());
         }
         world.children.extend(scope);
     }
-    let ends = [codes.first(), codes.last()].map(|code| code.copied().unwrap_or(0.0));
-    write_stage(path, &world, ends, rate, rate)
+    let (frames, codes) = (clock.rate, clock.rate);
+    let head = StageHead { ends: clock.ends(), frames, codes, ..StageHead::default() };
+    write_stage(path, &head, &[world])
 }
 
 /// Checks that the joints, if any are known, are as many as those of the scene.
-fn must_have(joints: &JointRecording, count: usize) -> io::Result<()> {
+pub(super) fn joints_must_fit(joints: &JointRecording, count: usize) -> io::Result<()> {
     let own = joints.layout.names.len();
     if own == 0 || own == count {
         return Ok(());
@@ -71,7 +107,7 @@ fn must_have(joints: &JointRecording, count: usize) -> io::Result<()> {
 }
 
 /// Switches the prim of a joint off at the time code at which it breaks, if it does.
-fn break_prim(prim: &mut PrimWriter, broken: Option<f64>, first: Option<f64>) {
+pub(super) fn break_prim(prim: &mut PrimWriter, broken: Option<f64>, first: Option<f64>) {
     let (Some(broken), Some(first)) = (broken, first) else { return };
     let whole = (first < broken).then(|| (first, "1".to_owned()));
     let samples = whole.into_iter().chain([(broken.max(first), "0".to_owned())]);
@@ -80,17 +116,19 @@ fn break_prim(prim: &mut PrimWriter, broken: Option<f64>, first: Option<f64>) {
 
 /// Sets the pose of a prim from its recording: time samples, or a single value if it is constant.
 fn move_prim(prim: &mut PrimWriter, codes: &[f64], positions: &Track<3>, rotations: &Track<4>) {
-    // OpenUSD computes the angle from w alone. In single precision, w is 1 up to a milliradian.
-    let turned = |q: [f32; 4]| {
-        let [x, y, z, w] = normalized(q.map(f64::from)).map(|x| (x * 1e12).round() / 1e12);
-        tuple(&[w, x, y, z])
-    };
     follow(prim, "double3 xformOp:translate", codes, positions, |x| tuple(&x));
     follow(prim, "quatd xformOp:orient", codes, rotations, turned);
 }
 
+/// Formats a rotation. OpenUSD computes its angle from w alone. In single precision, w is 1 up to
+/// a milliradian.
+pub(super) fn turned(rotation: [f32; 4]) -> String {
+    let [x, y, z, w] = normalized(rotation.map(f64::from)).map(|x| (x * 1e12).round() / 1e12);
+    tuple(&[w, x, y, z])
+}
+
 /// Gives an attribute the samples of a track, or its constant value.
-fn follow<const N: usize>(
+pub(super) fn follow<const N: usize>(
     prim: &mut PrimWriter,
     attribute: &str,
     codes: &[f64],
@@ -107,7 +145,7 @@ fn follow<const N: usize>(
 /// with the angle computed from w alone. Near the identity, w differs from 1 only to second order.
 /// The error there is up to half the angle between the two rotations (`GfSlerp`,
 /// `GfRotation::SetQuat`).
-fn mixed(a: [f64; 4], b: [f64; 4], part: f64) -> [f64; 4] {
+pub(super) fn mixed(a: [f64; 4], b: [f64; 4], part: f64) -> [f64; 4] {
     const NEAR: f64 = 1e-5;
     let (a, b) = (normalized(a), normalized(b));
     if 1.0 - dot(a, b) > NEAR {

@@ -383,8 +383,12 @@ fn meshes_are_decomposed_once() {
         [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     let decomposition = Some(DecompositionOptions::default());
-    let mesh =
-        ShapeKind::Trimesh { vertices: (0..8).map(cube).collect(), triangles, decomposition };
+    let mesh = ShapeKind::Trimesh {
+        vertices: (0..8).map(cube).collect(),
+        triangles,
+        decomposition,
+        vertex_track: None,
+    };
     let mut world = with_gravity(WorldKind::Rigid3, StepSettings::realtime());
     for x in [0.0, 3.0] {
         world.add(&Body::new(Motion::Dynamic, [x, 0.0, 0.0], mesh.clone())).unwrap();
@@ -418,7 +422,7 @@ fn wrong_bodies_are_refused() {
         change(&|of| of.position = vec![1.0, 2.0]),
         "it: the number of entries of the position is 2; accepted: from 3 to 3"
     );
-    let lists: [(&str, Change<'_>); 16] = [
+    let lists: [(&str, Change<'_>); 18] = [
         ("rotation", &|of| of.rotation = Rotation::Angle(1.0)),
         ("linear velocity", &|of| of.linear_velocity.clear()),
         ("angular velocity", &|of| of.angular_velocity = vec![1.0]),
@@ -432,7 +436,11 @@ fn wrong_bodies_are_refused() {
         ("velocity [m/s]", &|of| of.linear_velocity[1] = inf),
         ("friction", &|of| of.shapes[0].material.friction = -1.0),
         ("position of a shape", &|of| of.shapes[0].position = vec![]),
-        ("track of a body that is not kinematic", &|of| of.track.times = vec![0.0]),
+        ("positions of the track", &|of| of.track.times = vec![0.0]),
+        ("force", &|of| of.force = vec![1.0]),
+        ("track of a static body", &|of| {
+            (of.motion, of.track.times) = (Motion::Static, vec![0.0]);
+        }),
         ("mass [kg]", &|of| of.shapes.clear()),
         ("surface velocity", &|of| {
             let linear = vec![1.0, 0.0];
@@ -490,6 +498,7 @@ fn wrong_shapes_are_refused() {
         vertices: vertices.to_vec(),
         triangles: triangles.to_vec(),
         decomposition: None,
+        vertex_track: None,
     };
     let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     for motion in [Motion::Static, Motion::Dynamic] {

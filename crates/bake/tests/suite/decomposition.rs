@@ -111,6 +111,7 @@ fn meshed(mesh: &Mesh, motion: Motion, place: [f64; 3]) -> Body {
         vertices: mesh.0.clone(),
         triangles: mesh.1.clone(),
         decomposition: None,
+        vertex_track: None,
     };
     of.shapes = vec![Shape { kind, ..of.shapes[0].clone() }];
     Body { motion, position: place.to_vec(), ..of }

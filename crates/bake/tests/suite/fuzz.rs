@@ -8,9 +8,9 @@ use std::path::{Path, PathBuf};
 use crate::common::counting::largest;
 use crate::common::mutation::{fuzz, try_one};
 use drystone::StepSettings;
-use drystone_bake::build;
 use drystone_bake::recording::joints::{AxisName, JointFrame, JointLayout};
-use drystone_bake::recording::{JointRecording, Recording, journal, npz, poses};
+use drystone_bake::recording::{JointRecording, Recording, Velocities, journal, npz, poses};
+use drystone_bake::{PairImpulses, build};
 use drystone_scene::{to_json, to_toml};
 use serde_json::Value;
 
@@ -194,8 +194,16 @@ fn written(write: impl Fn(&Path)) -> Vec<u8> {
 #[test]
 fn arrays_of_poses() {
     let names = ["ball".to_owned(), "Würfel 2".to_owned()];
-    let seed =
-        written(|path| npz::write(path, &recording(), &names, &[0, 4, 5], &joints()).unwrap());
+    let (recording, joints) = (recording(), joints());
+    let velocities = Velocities { numbers: vec![0.25; 3 * 2 * 6] };
+    let arrays = npz::Arrays {
+        recording: &recording,
+        velocities: &velocities,
+        names: &names,
+        contacts: &[0, 4, 5],
+        joints: &joints,
+    };
+    let seed = written(|path| npz::write(path, &arrays).unwrap());
     let read = |path: &Path| {
         if let Ok(named) = npz::read(path) {
             assert_eq!(named.names.len(), named.recording.bodies);
@@ -226,7 +234,13 @@ fn journals() {
     let seed = written(|path| {
         let header = journal::Header::new(&small, &StepSettings::certified());
         let mut journal = journal::Journal::create(path, &header).unwrap();
-        journal.frame(None, &[0.5; 21], &JointFrame::default()).unwrap();
+        let state = journal::FrameState {
+            poses: &[0.5; 21],
+            joints: &JointFrame::default(),
+            velocities: &[],
+            contacts: &PairImpulses::NONE,
+        };
+        journal.frame(None, &state).unwrap();
         journal.checkpoint(&[7; 30]).unwrap();
     });
     let read = |path: &Path| {

@@ -2,6 +2,7 @@
 
 #![allow(clippy::result_large_err)]
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -920,12 +921,12 @@ fn recordings_become_local_transforms() {
     assert!(keys < 121 * 6, "{keys} keys are not thinned");
     assert!(matches!(player.node(4).transform(), ::gltf::scene::Transform::Decomposed { .. }));
 
-    // The written file can be read again, and its clip then moves the bodies.
+    // The written file is the same scene again: the clip of a bake moves no bodies.
     let file = folder("write").join("again.glb");
     fs::write(&file, &bytes).unwrap();
     let again = gltf::read(&file, &Drystone).unwrap();
     assert_eq!(again.scene.bodies.len(), count);
-    assert_eq!(again.scene.bodies[2].motion, Motion::Kinematic);
+    assert_eq!(again.scene.bodies[2].motion, read.scene.bodies[2].motion);
     assert_eq!(again.source.unwrap().document["meshes"], tetrahedron()["meshes"]);
 }
 
@@ -946,9 +947,22 @@ fn bodies_at_rest_have_no_keys_and_files_keep_their_animation() {
     let parsed = ::gltf::Gltf::from_slice_without_validation(&bytes).unwrap();
     let clips: Vec<_> = parsed.document.animations().collect();
     assert_eq!(clips.len(), 2);
-    assert_eq!(clips[1].name(), Some("Drystone"));
-    let targets: Vec<usize> = clips[1].channels().map(|c| c.target().node().index()).collect();
+    assert_eq!(clips[0].name(), Some("Drystone"), "players play the first");
+    let targets: Vec<usize> = clips[0].channels().map(|c| c.target().node().index()).collect();
     assert_eq!(targets, [0], "the file's own animation plays on, and nothing else moves");
+
+    // Read again as a scene, the clip moves no bodies, and a second bake comes first.
+    let again = folder("again").join("out.glb");
+    std::fs::write(&again, &bytes).unwrap();
+    let again = drystone_bake::read(&again).unwrap();
+    assert_eq!(again.scene, read.scene);
+    let falling =
+        record(2, 10, |frame, body| [0.0, frame as f32 * body as f32, 0.0, 0.0, 0.0, 0.0, 1.0]);
+    let parsed = ::gltf::Gltf::from_slice_without_validation(&written(&again, &falling)).unwrap();
+    let clips: Vec<_> = parsed.document.animations().collect();
+    assert_eq!(clips.iter().filter(|clip| clip.name() == Some("Drystone")).count(), 2);
+    let targets: BTreeSet<usize> = clips[0].channels().map(|c| c.target().node().index()).collect();
+    assert_eq!(targets, BTreeSet::from([0, 1]));
 
     let source = read.source.as_ref().unwrap();
     let options = Sampling::default();

@@ -298,7 +298,6 @@ fn all_types_of_joints_hold_with_fixed_work() {
 
 /// All types of joints hold with the settings of bakes.
 #[test]
-#[ignore = "joints of bodies that collide beside the hinge come apart with 8 certified substeps"]
 fn all_types_of_joints_hold_in_bakes() {
     all_types_of_joints_hold(StepSettings::certified());
 }

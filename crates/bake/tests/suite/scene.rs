@@ -216,9 +216,14 @@ fn bad_references() -> Vec<BadScene> {
              has this one already",
         ),
         (
-            ball("track = [{ time = 0.0 }]"),
-            "s.toml:3:9: track of body 'ball' is [a table]; accepted: a track on a body with \
-             motion = \"kinematic\" only",
+            ball("motion = \"static\"\ntrack = [{ time = 0.0 }]"),
+            "s.toml:4:9: track of body 'ball' is [a table]; accepted: a track on a kinematic or \
+             dynamic body only",
+        ),
+        (
+            ball("motion = \"kinematic\"\nstart_asleep = true"),
+            "s.toml:4:16: start_asleep of body 'ball' is true; accepted: true for dynamic bodies \
+             without a track only",
         ),
         (
             ball("motion = \"kinematic\"\ntrack = [{ time = 1 }, { time = 1 }]"),

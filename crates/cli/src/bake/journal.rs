@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use std::{env, fs};
 
+use drystone_bake::recording::Velocities;
 use drystone_bake::recording::joints::JointFrame;
-use drystone_bake::recording::journal::{Header, Journal, Mark, Step};
-use drystone_bake::{AnyCheckpoint, AnyWorld};
+use drystone_bake::recording::journal::{Extras, FrameState, Header, Journal, Mark, Step};
+use drystone_bake::{AnyCheckpoint, AnyWorld, PairImpulses};
 
 use super::arguments::BakeArguments;
 use crate::failure::Failure;
@@ -18,6 +19,8 @@ pub(super) struct Kept {
     pub(super) steps: Vec<Step>,
     pub(super) poses: Vec<f32>,
     pub(super) joints: Vec<JointFrame>,
+    pub(super) velocities: Velocities,
+    pub(super) impulses: Vec<PairImpulses>,
 }
 
 /// The journal of this bake.
@@ -65,10 +68,21 @@ impl BakeJournal {
             (contents.header.difference(&journal.header), contents.steps.len());
         match difference {
             None if arguments.resume => {
+                if let Some(why) = contents.header.lack(&journal.header) {
+                    return Err(journal.wrong(&format!(
+                        "cannot be resumed: {why}; resume without, or delete it"
+                    )));
+                }
+                journal.header = contents.header;
                 journal.found = steps;
                 journal.marks = contents.checkpoints;
-                let (poses, joints) = (contents.recording.poses, contents.joints);
-                journal.kept = Some(Kept { steps: contents.steps, poses, joints });
+                journal.kept = Some(Kept {
+                    steps: contents.steps,
+                    poses: contents.recording.poses,
+                    joints: contents.joints,
+                    velocities: contents.velocities,
+                    impulses: contents.contacts,
+                });
                 journal.journal = Some(found_journal);
             }
             None if steps > 0 => {
@@ -85,33 +99,36 @@ impl BakeJournal {
         Ok(journal)
     }
 
+    /// Returns what frames hold besides poses and joints.
+    pub(super) fn extras(&self) -> Extras {
+        self.header.extras
+    }
+
     /// Takes the content of the resumed journal; `None` from the second call on.
     pub(super) fn kept(&mut self) -> Option<Kept> {
         self.kept.take()
     }
 
-    /// Begins the journal with the poses and joints of the initial state.
-    pub(super) fn begin(&mut self, poses: &[f32], joints: &JointFrame) -> Result<(), Failure> {
+    /// Begins the journal with the initial state.
+    pub(super) fn begin(&mut self, start: &FrameState<'_>) -> Result<(), Failure> {
         let create = || {
             let mut journal = Journal::create(&self.path, &self.header)?;
-            journal.frame(None, poses, joints)?;
+            journal.frame(None, start)?;
             Ok(journal)
         };
         self.journal = Some(create().map_err(|error| self.refused(&error))?);
         Ok(())
     }
 
-    /// Appends a step with the poses and joints after it, and at intervals a checkpoint of the whole
-    /// state.
+    /// Appends a step with the state after it, and at intervals a checkpoint of the whole world.
     pub(super) fn write(
         &mut self,
         step: &Step,
-        poses: &[f32],
-        joints: &JointFrame,
+        state: &FrameState<'_>,
         world: &AnyWorld,
     ) -> Result<(), Failure> {
         let Some(journal) = &mut self.journal else { return Ok(()) };
-        let mut written = journal.frame(Some(step), poses, joints);
+        let mut written = journal.frame(Some(step), state);
         // Checkpoints at most double the size of the journal.
         let [checkpoint, size] = self.sizes;
         let due = self.last.elapsed() >= self.every && journal.size() >= size + checkpoint;

@@ -1,17 +1,22 @@
 //! Files that a bake writes.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
+use std::io;
 use std::path::{Path, PathBuf};
 
-use drystone_bake::recording::{self, Sampling};
-use drystone_scene::{Read, Warning, write_whole};
+use drystone_bake::recording;
+use drystone_bake::recording::contacts::{self, ContactRecording};
+use drystone_bake::recording::journal::Extras;
+use drystone_bake::recording::npz::Arrays;
+use drystone_scene::{Body, Place, Read, Scene, Warning, write_whole};
 
 use super::arguments::BakeArguments;
 use super::record::Bake;
 use crate::extension::{extension, wrong_extension};
 use crate::failure::Failure;
-use crate::files::{folder, place};
+use crate::files::{folder, place, refuse_overwrite};
 use crate::frames::{FrameOptions, OutputMotion};
 
 /// File format of a motion.
@@ -26,6 +31,7 @@ pub(crate) enum Format {
 /// Paths of all outputs.
 pub(super) struct Outputs {
     motions: Vec<(PathBuf, Format)>,
+    contacts: Vec<(PathBuf, ContactFormat)>,
     report: Option<PathBuf>,
     dumps: Vec<PathBuf>,
 }
@@ -37,8 +43,11 @@ impl Outputs {
         let motions =
             arguments.output.iter().map(|path| Ok((path.clone(), Format::of("--output", path)?)));
         let motions = motions.collect::<Result<_, Failure>>()?;
+        let contacts =
+            arguments.contacts.iter().map(|path| Ok((path.clone(), ContactFormat::of(path)?)));
+        let contacts = contacts.collect::<Result<_, Failure>>()?;
         let report = arguments.report.clone();
-        let outputs = Self { motions, report, dumps: super::dump::files(arguments)? };
+        let outputs = Self { motions, contacts, report, dumps: super::dump::files(arguments)? };
         if let Some(path) = &outputs.report
             && extension(path) != "json"
         {
@@ -59,7 +68,21 @@ impl Outputs {
     }
 
     fn paths(&self) -> impl Iterator<Item = &PathBuf> {
-        self.motions.iter().map(|(path, _)| path).chain(&self.report).chain(&self.dumps)
+        let motions = self.motions.iter().map(|(path, _)| path);
+        let contacts = self.contacts.iter().map(|(path, _)| path);
+        motions.chain(contacts).chain(&self.report).chain(&self.dumps)
+    }
+
+    /// Returns what the outputs need besides poses and joints.
+    pub(super) fn extras(&self) -> Extras {
+        let velocities = self.motions.iter().any(|(_, format)| matches!(format, Format::Npz));
+        Extras { velocities, contacts: !self.contacts.is_empty() }
+    }
+
+    /// Refuses outputs in the place of a layer of the stage that was read.
+    pub(super) fn spare_layers(&self, read: &Read) -> Result<(), Failure> {
+        let layers = || read.stage.iter().flat_map(|stage| &stage.layers).map(PathBuf::as_path);
+        self.paths().try_for_each(|path| refuse_overwrite(path, layers()))
     }
 
     /// Returns the output that was named first.
@@ -86,13 +109,70 @@ impl Outputs {
     ) -> Result<(Vec<PathBuf>, Vec<Warning>), Failure> {
         let (names, contacts) = (read.scene.names(), bake.contacts());
         let joints = bake.joint_recording(&read.scene);
-        let motion = frame_options.motion(&bake.recording, &names, &contacts, &joints)?;
-        let options = frame_options.sampling();
+        let motion = frame_options.motion(OutputMotion {
+            recording: Cow::Borrowed(&bake.recording),
+            names: &names,
+            contacts: &contacts,
+            joints: Cow::Borrowed(&joints),
+            velocities: Cow::Borrowed(&bake.velocities),
+        })?;
         let mut warnings = Vec::new();
         for (path, format) in &self.motions {
-            warnings.extend(format.write(path, Some(read), &motion, &options)?);
+            if matches!(format, Format::Glb | Format::Usda) {
+                warnings.extend(still_meshes(&read.scene, path));
+            }
+            warnings.extend(format.write(path, Some(read), &motion, frame_options)?);
         }
-        Ok((self.motions.iter().map(|(path, _)| path.clone()).collect(), warnings))
+        for (path, format) in &self.contacts {
+            let written = format.write(path, read, (bake, &motion), frame_options);
+            written.map_err(|error| Failure::cannot_write(path, &error))?;
+        }
+        let motions = self.motions.iter().map(|(path, _)| path);
+        let contacts = self.contacts.iter().map(|(path, _)| path);
+        Ok((motions.chain(contacts).cloned().collect(), warnings))
+    }
+}
+
+/// File format of contacts.
+#[derive(Clone, Copy)]
+enum ContactFormat {
+    Npz,
+    Usda,
+}
+
+impl ContactFormat {
+    fn of(path: &Path) -> Result<Self, Failure> {
+        match extension(path).as_str() {
+            "npz" => Ok(Self::Npz),
+            "usda" => Ok(Self::Usda),
+            _ => Err(wrong_extension("--contacts", path, ".npz, .usda")),
+        }
+    }
+
+    /// Writes the contacts of the frames of a motion.
+    fn write(
+        self,
+        path: &Path,
+        read: &Read,
+        (bake, motion): (&Bake, &OutputMotion<'_>),
+        frame_options: &FrameOptions,
+    ) -> io::Result<()> {
+        let recording = &motion.recording;
+        let (dimension, frame_time) = (recording.dimension, recording.frame_time);
+        let all = ContactRecording { dimension, frame_time, start: 0, frames: &bake.impulses };
+        match self {
+            Self::Npz => {
+                let (start, count) = (recording.start, recording.frames());
+                // Without bodies there are no frames.
+                let frames = all.frames.get(start..start + count).unwrap_or_default();
+                let contacts = ContactRecording { start, frames, ..all };
+                recording::npz::write_contacts(path, &contacts, motion.names)
+            }
+            Self::Usda => {
+                let options = frame_options.sampling();
+                contacts::write_usda(path, &all, recording, read.stage.as_ref(), &options)
+            }
+        }
     }
 }
 
@@ -115,17 +195,30 @@ impl Format {
         path: &Path,
         read: Option<&Read>,
         motion: &OutputMotion<'_>,
-        options: &Sampling,
+        frame_options: &FrameOptions,
     ) -> Result<Vec<Warning>, Failure> {
         let mut warnings = Vec::new();
-        let OutputMotion { recording, names, contacts, joints } = motion;
+        let options = &frame_options.sampling();
+        let OutputMotion { recording, names, contacts, joints, velocities } = motion;
         let source = read.and_then(|read| read.source.as_ref());
+        let stage = read.and_then(|read| read.stage.as_ref());
+        let stage = stage.filter(|_| !frame_options.new_stage());
         let written = match (self, read.map(|read| &read.scene), source) {
             (Self::Poses, ..) => recording::poses::write(path, recording),
-            (Self::Npz, ..) => recording::npz::write(path, recording, names, contacts, joints),
-            (Self::Usda, Some(scene), _) => {
-                recording::usda::write(path, scene, recording, joints, options)
+            (Self::Npz, ..) => {
+                let arrays = Arrays { recording, velocities, names, contacts, joints };
+                recording::npz::write(path, &arrays)
             }
+            (Self::Usda, Some(scene), _) => match stage {
+                Some(stage) => {
+                    recording::usd_layer::write(path, (scene, stage), recording, joints, options)
+                        .map(|own| warnings.extend(own))
+                }
+                None => {
+                    let form = frame_options.bodies_as_prims();
+                    recording::usda::write_as(path, (scene, form), recording, joints, options)
+                }
+            },
             (Self::Glb, Some(scene), None) => {
                 recording::glb::write(path, scene, recording, options)
             }
@@ -140,6 +233,22 @@ impl Format {
         };
         written.map(|()| warnings).map_err(|error| Failure::cannot_write(path, &error))
     }
+}
+
+/// Returns warnings about meshes that deform, which are written with their vertices of the scene.
+fn still_meshes(scene: &Scene, path: &Path) -> impl Iterator<Item = Warning> {
+    let deforms =
+        |of: &(usize, &Body)| of.1.shapes.iter().any(|shape| shape.kind.vertex_track().is_some());
+    let bodies = scene.bodies.iter().enumerate().filter(deforms);
+    bodies.map(move |(index, _)| Warning {
+        place: Place::File,
+        message: format!(
+            "{} is written to {} with the vertices of the scene: its vertex_track moves bodies, and \
+             is left out",
+            scene.name_of(index),
+            path.display()
+        ),
+    })
 }
 
 /// Creates the folder of an output if it is missing, and checks that files can be written to it.

@@ -5,15 +5,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use drystone::{Measure, SavedProblem, StepSettings};
-use drystone_bake::AnyWorld;
 use drystone_bake::audit::audit;
 use drystone_bake::recording::joints::{JointFrame, JointLayout};
-use drystone_bake::recording::journal::Step;
-use drystone_bake::recording::{JointRecording, Recording};
+use drystone_bake::recording::journal::{Extras, FrameState, Step};
+use drystone_bake::recording::{JointRecording, Recording, Velocities};
+use drystone_bake::{AnyWorld, PairImpulses};
 use drystone_scene::{Motion, Scene};
-use indicatif::ProgressBar;
 
 use super::journal::{BakeJournal, Kept};
+use super::progress::Progress;
 use crate::failure::Failure;
 
 /// Speed of a body beyond which the simulation counts as diverged. \[m/s\]
@@ -47,8 +47,28 @@ pub(super) struct Bake {
     pub(super) steps: Vec<Step>,
     /// Joints at each frame.
     pub(super) joints: Vec<JointFrame>,
+    /// Recorded data besides poses and joints.
+    extras: Extras,
+    /// Velocities at each frame, if they are recorded.
+    pub(super) velocities: Velocities,
+    /// Impulses of contacts at each frame, if they are recorded.
+    pub(super) impulses: Vec<PairImpulses>,
     /// Problem of the step to be saved.
     pub(super) saved: Option<SavedProblem>,
+}
+
+/// Returns the dynamic body with the largest speed, the first of equal ones.
+fn fastest(scene: &Scene, world: &AnyWorld) -> usize {
+    let mut numbers = Vec::new();
+    world.write_velocities(&mut numbers);
+    let speed = |velocity: &[f32]| {
+        let linear = velocity.iter().take(scene.dimension);
+        linear.map(|x| f64::from(*x).powi(2)).sum::<f64>()
+    };
+    let each = numbers.chunks_exact(world.kind().velocity_numbers()).map(speed).enumerate();
+    let is_dynamic = |body: usize| scene.bodies[body].motion == Motion::Dynamic;
+    let own = each.filter(|(body, _)| is_dynamic(*body));
+    own.reduce(|most, next| if next.1 > most.1 { next } else { most }).map_or(0, |(body, _)| body)
 }
 
 /// Length of a run, and the step to be saved.
@@ -66,18 +86,18 @@ impl Bake {
         scene: &Scene,
         length: Length,
         journal: &mut BakeJournal,
-        bar: &ProgressBar,
+        progress: &mut Progress,
     ) -> Result<Self, Failure> {
-        let mut bake = Self::new(world, scene, length.steps)?;
+        let mut bake = Self::new(world, scene, length.steps, journal.extras())?;
         let taken = match journal.kept() {
             Some(kept) => bake.resume(world, length, journal, kept)?,
             None => {
-                journal.begin(&bake.recording.poses, &bake.joints[0])?;
+                journal.begin(&bake.last_frame())?;
                 0
             }
         };
         for step in taken + 1..=length.steps {
-            bar.set_position(step as u64 - 1);
+            progress.set(step - 1);
             if INTERRUPTED.load(Ordering::SeqCst) {
                 return Err(journal.interrupted(bake.steps.len(), length.steps));
             }
@@ -94,12 +114,18 @@ impl Bake {
                 })?;
             }
         }
-        bar.finish_and_clear();
+        progress.finish();
         Ok(bake)
     }
 
     /// Records the initial state and reserves memory for the steps.
-    fn new(world: &AnyWorld, scene: &Scene, steps: usize) -> Result<Self, Failure> {
+    fn new(
+        world: &mut AnyWorld,
+        scene: &Scene,
+        steps: usize,
+        extras: Extras,
+    ) -> Result<Self, Failure> {
+        world.record_impulses(extras.contacts);
         let recording = Recording {
             dimension: scene.dimension,
             bodies: scene.bodies.len(),
@@ -110,9 +136,20 @@ impl Bake {
         let settings = world.settings().clone();
         let start = world.measure();
         let joints = vec![JointFrame::of(world, scene)];
-        let mut bake = Self { recording, settings, start, steps: Vec::new(), joints, saved: None };
+        let mut bake = Self {
+            recording,
+            settings,
+            start,
+            steps: Vec::new(),
+            joints,
+            extras,
+            velocities: Velocities::default(),
+            impulses: Vec::new(),
+            saved: None,
+        };
         bake.reserve(steps)?;
         world.write_poses(&mut bake.recording.poses);
+        bake.record_extras(world);
         Ok(bake)
     }
 
@@ -132,6 +169,10 @@ impl Bake {
         self.recording.poses.splice(.., kept.poses);
         kept.joints.truncate(kept.steps.len() + 1);
         self.joints.splice(.., kept.joints);
+        kept.velocities.numbers.truncate((kept.steps.len() + 1) * self.velocities.numbers.len());
+        self.velocities.numbers.splice(.., kept.velocities.numbers);
+        kept.impulses.truncate(kept.steps.len() + 1);
+        self.impulses.splice(.., kept.impulses);
         self.steps.append(&mut kept.steps);
         let (taken, dump) = (self.steps.len(), length.dump_step);
         if taken == length.steps && dump.is_none_or(|step| step > taken) {
@@ -142,10 +183,14 @@ impl Bake {
     }
 
     fn reserve(&mut self, steps: usize) -> Result<(), Failure> {
-        let numbers = (self.recording.bodies * self.recording.stride()).saturating_mul(steps + 1);
-        let poses = self.recording.poses.try_reserve_exact(numbers);
-        poses.and_then(|()| self.steps.try_reserve_exact(steps)).map_err(|_| {
-            let size = numbers as f64 * 4e-9;
+        let Recording { bodies, dimension, .. } = self.recording;
+        let numbers = |stride: usize| (bodies * stride).saturating_mul(steps + 1);
+        let poses = numbers(self.recording.stride());
+        let spins = if self.extras.velocities { numbers(Velocities::stride(dimension)) } else { 0 };
+        let reserved = self.recording.poses.try_reserve_exact(poses);
+        let reserved = reserved.and_then(|()| self.velocities.numbers.try_reserve_exact(spins));
+        reserved.and_then(|()| self.steps.try_reserve_exact(steps)).map_err(|_| {
+            let size = poses.saturating_add(spins) as f64 * 4e-9;
             Failure::File(format!(
                 "{steps} steps of {} bodies need {size:.1} GB of memory, which the system \
                  refuses; simulate less with --duration or --steps",
@@ -164,18 +209,42 @@ impl Bake {
         let report = world.step(scene.time_step)?;
         let time = clock.elapsed();
         let measure = world.measure();
-        let frame = self.recording.poses.len();
         world.write_poses(&mut self.recording.poses);
+        self.record_extras(world);
         let joints = JointFrame::of(world, scene);
         let step = Step { time, report, measure, state: world.state_hash() };
         if !(measure.finite && measure.fastest <= TOO_FAST) {
             self.steps.push(step);
-            return Err(self.divergence(scene, &measure));
+            return Err(self.divergence(scene, world, &measure));
         }
-        journal.write(&step, &self.recording.poses[frame..], &joints, world)?;
-        self.steps.push(step);
         self.joints.push(joints);
+        journal.write(&step, &self.last_frame(), world)?;
+        self.steps.push(step);
         Ok(())
+    }
+
+    /// Records velocities and impulses at a frame, if they are to be recorded.
+    fn record_extras(&mut self, world: &AnyWorld) {
+        if self.extras.velocities {
+            world.write_velocities(&mut self.velocities.numbers);
+        }
+        if self.extras.contacts {
+            self.impulses.push(world.impulses());
+        }
+    }
+
+    /// Returns the state at the last frame.
+    fn last_frame(&self) -> FrameState<'_> {
+        static NONE: PairImpulses = PairImpulses::NONE;
+        let Recording { bodies, dimension, poses, .. } = &self.recording;
+        let last = |numbers: &[f32], stride: usize| numbers.len().saturating_sub(bodies * stride);
+        let numbers = &self.velocities.numbers;
+        FrameState {
+            poses: &poses[last(poses, self.recording.stride())..],
+            joints: &self.joints[self.joints.len() - 1],
+            velocities: &numbers[last(numbers, Velocities::stride(*dimension))..],
+            contacts: self.impulses.last().unwrap_or(&NONE),
+        }
     }
 
     /// Returns the number of contact points in the step that led to each frame; 0 for the first.
@@ -190,8 +259,9 @@ impl Bake {
         JointRecording::new(JointLayout::of(scene), &self.joints, broken)
     }
 
-    fn divergence(&self, scene: &Scene, measure: &Measure) -> Failure {
-        let body = self.moved_most(scene, 1).map_or(0, |(body, _)| body);
+    fn divergence(&self, scene: &Scene, world: &AnyWorld, measure: &Measure) -> Failure {
+        let broken = self.steps.last().and_then(|step| step.report.not_finite.first());
+        let body = broken.map_or_else(|| fastest(scene, world), |&body| body as usize);
         let what = if measure.finite {
             format!("moves at {:.3e} m/s", measure.fastest)
         } else {

@@ -30,6 +30,10 @@ pub(super) struct Summary {
     dynamic: usize,
     r#static: usize,
     kinematic: usize,
+    /// Dynamic bodies that follow a track until they are released.
+    released: usize,
+    /// Bodies with meshes that deform.
+    deforming: usize,
     /// Bodies with a surface velocity, such as conveyor belts.
     running: usize,
     /// Joints with springs or motors.
@@ -64,8 +68,8 @@ pub(super) struct Summary {
     /// Rise that counts as rounding. \[J\]
     energy_tolerance: f64,
     /// True if energy was created: by contacts according to the ledger, else by the energy rise.
-    /// Absent without a ledger if kinematic bodies, surface velocities, motors or springs may have
-    /// added energy.
+    /// Absent without a ledger if kinematic bodies, bodies on tracks, deforming meshes, surface
+    /// velocities, motors or springs may have added energy.
     energy_created: Option<bool>,
     /// Sums over the energy ledgers of the steps; absent without them.
     ledger: Option<EnergySummary>,
@@ -189,6 +193,25 @@ fn running(scene: &Scene) -> usize {
     scene.bodies.iter().filter(|body| runs(body)).count()
 }
 
+/// Returns true if bodies, surfaces or joints of the scene move by themselves, and so may add
+/// energy.
+fn adds_energy(scene: &Scene) -> bool {
+    scene.bodies.iter().any(|body| body.motion == Motion::Kinematic)
+        || released(scene) + deforming(scene) + running(scene) + driven(scene) > 0
+}
+
+/// Returns the number of bodies with meshes that deform.
+fn deforming(scene: &Scene) -> usize {
+    let deforms = |body: &&Body| body.shapes.iter().any(|of| of.kind.vertex_track().is_some());
+    scene.bodies.iter().filter(deforms).count()
+}
+
+/// Returns the number of dynamic bodies that follow a track until their release.
+fn released(scene: &Scene) -> usize {
+    let is_released = |body: &&Body| body.motion == Motion::Dynamic && !body.track.times.is_empty();
+    scene.bodies.iter().filter(is_released).count()
+}
+
 /// Returns the number of joints with a motor or a spring.
 fn driven(scene: &Scene) -> usize {
     scene.joints.iter().filter(|joint| drives(joint)).count()
@@ -239,19 +262,18 @@ impl Summary {
         let start = energy(&bake.start);
         let energy_rise = largest(&mut steps.iter().map(|step| energy(&step.measure) - start));
         let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
-        let kinematic = count(Motion::Kinematic);
         let ledger = energy_summary(bake);
-        // Bodies and joints that move by themselves may add energy.
-        let by_itself = kinematic + running(scene) + driven(scene) > 0;
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
-            None => (!by_itself).then_some(energy_rise > energy_tolerance),
+            None => (!adds_energy(scene)).then_some(energy_rise > energy_tolerance),
         };
         let times = times(steps);
         Self {
             dynamic: count(Motion::Dynamic),
             r#static: count(Motion::Static),
-            kinematic,
+            kinematic: count(Motion::Kinematic),
+            released: released(scene),
+            deforming: deforming(scene),
             running: running(scene),
             driven: driven(scene),
             simulated: steps.len() as f64 * scene.time_step,
@@ -405,14 +427,13 @@ impl Summary {
     fn sources(&self) -> String {
         let all = [
             (self.kinematic, "kinematic bodies"),
+            (self.released, "bodies on tracks"),
+            (self.deforming, "deforming meshes"),
             (self.running, "running surfaces"),
             (self.driven, "motors and springs"),
         ];
         let there: Vec<_> = all.iter().filter(|(count, _)| *count > 0).map(|(_, it)| *it).collect();
-        match there.as_slice() {
-            [first, second, third] => format!("{first}, {second}, {third}"),
-            other => other.join(" and "),
-        }
+        if there.len() < 3 { there.join(" and ") } else { there.join(", ") }
     }
 
     /// Title of the line about certificates. It says "certified" only if the audit found no missed
@@ -644,7 +665,8 @@ fn certified(bake: &Bake) -> Option<Certified> {
     let outcomes = bake.steps.iter().enumerate();
     let outcomes: Vec<_> =
         outcomes.filter_map(|(step, of)| Some((step, of.report.certified?))).collect();
-    let (step, worst) = *outcomes.iter().max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
+    // The first of equal ones: several steps may have no bound.
+    let (step, worst) = *outcomes.iter().rev().max_by(|a, b| a.1.error.total_cmp(&b.1.error))?;
     // A step in which all bodies sleep has no islands, and nothing to certify.
     let awake = outcomes.iter().filter(|(_, of)| of.islands > 0);
     let mut errors: Vec<f64> = awake.map(|(_, of)| of.error).collect();

@@ -641,7 +641,7 @@ fn a_gltf_comes_back_with_a_clip() {
     let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
     let document: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
     let clips = document["animations"].as_array().unwrap();
-    assert_eq!(clips.last().unwrap()["name"], "Drystone");
+    assert_eq!(clips[0]["name"], "Drystone");
     assert!(document["extensions"]["KHR_physics_rigid_bodies"].is_object());
 }
 
@@ -744,4 +744,52 @@ fn scenes_without_joints_say_nothing_of_them() {
     assert!(npz::read(&place.path("a.npz")).unwrap().joints.layout.is_empty());
     let report = fs::read_to_string(place.path("a.json")).unwrap();
     assert!(!report.contains("joint_gap"), "{report}");
+}
+
+/// With --progress a bake prints lines to standard error, where that is no terminal, and also if it
+/// is quiet: the first and the last at least.
+#[test]
+fn progress_is_printed_as_lines() {
+    let place = Place::new(SCENE);
+    let run = |more: &[&str]| {
+        let arguments = [&["bake", "scene.toml", "-o", "out.poses"], more].concat();
+        let output = place.run(&arguments);
+        assert!(output.status.success(), "{more:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    for quiet in [&["--progress"][..], &["--progress", "--quiet"]] {
+        let text = run(quiet);
+        let lines: Vec<&str> = text.lines().filter(|line| line.starts_with("frame ")).collect();
+        assert_eq!(lines.first(), Some(&"frame 0 of 120 (0 %)"), "{text}");
+        assert_eq!(lines.last(), Some(&"frame 120 of 120 (100 %)"), "{text}");
+        let between = lines[1..lines.len() - 1].iter();
+        assert!(between.clone().all(|line| line.ends_with(" s left")), "{text}");
+    }
+    assert_eq!(run(&[]), "");
+}
+
+/// A body that a track throws brings energy, which is not said to be created: without a ledger
+/// nothing is said, and with one the contacts have created none.
+#[test]
+fn energy_of_tracks_is_not_created() {
+    let thrown = "[[bodies]]\nname = 'thrown'\nposition = [-1, 0.4, 0]\nshapes = [{ type = \
+        'sphere', radius = 0.2 }]\ntrack = [{ time = 0.0, position = [-1, 0.4, 0] }, { time = 0.2, \
+        position = [-0.2, 0.6, 0] }]\n";
+    let place = Place::new(&format!("{SCENE}\n{thrown}"));
+    let summary = place.succeeds(&["bake", "scene.toml", "-o", "out.poses"]);
+    assert!(summary.contains("; bodies on tracks may add to it"), "{summary}");
+    assert!(!summary.contains("energy was created"), "{summary}");
+    let ledger = ["bake", "scene.toml", "--report", "r.json", "--ledger"];
+    let summary = place.succeeds(&ledger);
+    assert!(summary.contains("none was created"), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    let summary = &report["summary"];
+    let items = &summary["ledger"]["items"];
+    let of = |name: &str| items[name].as_f64().unwrap();
+    // 1/2 m v^2 = 285 J at 4.1 m/s, without m g h of 66 J and what others gain.
+    assert!(of("driven") > 300.0, "{items}");
+    let change = of("kinetic") + of("potential");
+    let energy = |name: &str| summary[name].as_f64().unwrap();
+    let measured = energy("energy_end") - energy("energy_start");
+    assert!((change - measured).abs() < 1e-2, "{change} J, {measured} J");
 }

@@ -4,6 +4,7 @@ mod bake;
 mod check;
 mod common;
 mod convert;
+mod decompose;
 mod faults;
 mod joints;
 mod matrix;

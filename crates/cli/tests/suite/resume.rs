@@ -23,10 +23,12 @@ fn journal_and_outputs(
     Some((journal, outputs(place)))
 }
 
-const OUTPUTS: [&str; 4] = ["out.glb", "out.npz", "out.poses", "out.usda"];
+/// Outputs in the order of their names.
+const OUTPUTS: [&str; 6] = ["dust.npz", "dust.usda", "out.glb", "out.npz", "out.poses", "out.usda"];
 
 fn bake<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let outputs = OUTPUTS.into_iter().flat_map(|name| ["-o", name]);
+    let flag = |name: &str| if name.starts_with("dust") { "--contacts" } else { "-o" };
+    let outputs = OUTPUTS.into_iter().flat_map(|name| [flag(name), name]);
     ["bake", scene, "--steps", "40", "-q"]
         .into_iter()
         .chain(outputs)

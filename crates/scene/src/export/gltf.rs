@@ -8,7 +8,7 @@
 //! - the density of a body, valid as long as nobody changes the mass written with it;
 //! - the geometric mean as a rule that combines friction or restitution;
 //! - the fact that a compound body is static;
-//! - damping, surface velocities, and resistance to rolling and spinning;
+//! - damping, forces, the fact that a body starts asleep, surface velocities, and resistance to rolling and spinning;
 //! - accuracy and number of pieces of a convex decomposition;
 //! - coordinates, friction and loads of joints that limits and drives of axes cannot express.
 
@@ -178,6 +178,9 @@ impl Writer<'_> {
             return wrong(
                 "follows a track, whose keys a glTF would round; bake the scene for an animation",
             );
+        }
+        if body.shapes.iter().any(|shape| shape.kind.vertex_track().is_some()) {
+            return wrong("has a vertex_track, which a glTF cannot have; write .toml or .json");
         }
         // As the reader expects: colliders on the node of the body, or on nodes below it.
         let mut node = json!({});
@@ -414,6 +417,12 @@ fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
         if rate != 0.0 {
             own.insert(key.to_owned(), json!(rate));
         }
+    }
+    if body.force.iter().any(|x| *x != 0.0) {
+        own.insert("force".to_owned(), json!(body.force));
+    }
+    if body.start_asleep {
+        own.insert("startAsleep".to_owned(), json!(true));
     }
     if body.gravity_factor != 1.0 {
         out["gravityFactor"] = json!(body.gravity_factor);

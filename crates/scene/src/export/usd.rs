@@ -12,10 +12,11 @@ use std::path::Path;
 
 use crate::description::{Body, Mass, Motion, Scene, SurfaceVelocity};
 use crate::engine::Engine;
+use crate::usd::StageUnits;
 use crate::whole::write_whole;
 use materials::Materials;
-pub use prim::{PrimWriter, tuple};
-use prim::{quoted, space};
+use prim::space;
+pub use prim::{PrimWriter, list, quoted, tuple};
 use shape::Look;
 pub use stage::StageWriter;
 
@@ -92,8 +93,18 @@ impl<'a> Prims<'a> {
             prim.schemas.extend(["PhysicsRigidBodyAPI", "PhysicsMassAPI"]);
             mass(&mut prim, dimension, &body.mass);
             velocity(&mut prim, body);
-            if body.motion == Motion::Kinematic {
+            let follows = !body.track.times.is_empty();
+            if body.motion == Motion::Kinematic || follows {
                 prim.set("bool physics:kinematicEnabled", 1);
+            }
+            if body.motion == Motion::Dynamic && follows {
+                prim.set("custom bool drystone:released", 1);
+            }
+            if body.start_asleep {
+                prim.set("bool physics:startsAsleep", 1);
+            }
+            if body.force.iter().any(|x| *x != 0.0) {
+                prim.set("custom double3 drystone:force", tuple(&space(&body.force)));
             }
         }
         if body.linear_damping != 0.0 || body.angular_damping != 0.0 {
@@ -149,28 +160,67 @@ fn names<'n>(
     all.enumerate().map(one).collect()
 }
 
-/// Writes a stage with the prim `world`, from time code `start` to `end`, with `frames` frames and
-/// `codes` time codes per second.
+/// Metadata of a stage.
+#[derive(Clone, Copy, Debug)]
+pub struct StageHead<'a> {
+    /// First and last time code.
+    pub ends: [f64; 2],
+    /// Frames per second. \[1/s\]
+    pub frames: f64,
+    /// Time codes per second. \[1/s\]
+    pub codes: f64,
+    /// Units and up axis.
+    pub units: StageUnits,
+    /// Name of the default prim, if there is one.
+    pub default_prim: Option<&'a str>,
+    /// Path of the weaker layer below this one, if there is one.
+    pub sublayer: Option<&'a str>,
+}
+
+impl Default for StageHead<'_> {
+    /// A stage with the default prim `World` at the time code 0, one of which takes a second.
+    fn default() -> Self {
+        Self {
+            ends: [0.0; 2],
+            frames: 1.0,
+            codes: 1.0,
+            units: StageUnits::METERS,
+            default_prim: Some("World"),
+            sublayer: None,
+        }
+    }
+}
+
+/// Writes a stage with these root prims.
 ///
 /// # Errors
 /// Those of [`write_whole`].
-pub fn write_stage(
-    path: &Path,
-    world: &PrimWriter,
-    [start, end]: [f64; 2],
-    frames: f64,
-    codes: f64,
-) -> io::Result<()> {
+pub fn write_stage(path: &Path, head: &StageHead<'_>, roots: &[PrimWriter]) -> io::Result<()> {
+    let StageHead { ends: [start, end], frames, codes, units, .. } = *head;
+    let up = if units.z_up { "Z" } else { "Y" };
+    let (meters, kilograms) = (units.meters, units.kilograms);
     write_whole(path, |out| {
         writeln!(out, "#usda 1.0\n(")?;
         let creator = concat!("Drystone ", env!("CARGO_PKG_VERSION"));
         writeln!(out, "    customLayerData = {{\n        string creator = \"{creator}\"\n    }}")?;
-        writeln!(out, "    defaultPrim = \"World\"\n    endTimeCode = {end}")?;
-        writeln!(out, "    framesPerSecond = {frames}\n    kilogramsPerUnit = 1")?;
-        writeln!(out, "    metersPerUnit = 1\n    startTimeCode = {start}")?;
-        writeln!(out, "    timeCodesPerSecond = {codes}\n    upAxis = \"Y\"\n)\n")?;
-        world.write(out, 0)
+        if let Some(name) = head.default_prim {
+            writeln!(out, "    defaultPrim = {}", quoted(name))?;
+        }
+        writeln!(out, "    endTimeCode = {end}")?;
+        writeln!(out, "    framesPerSecond = {frames}\n    kilogramsPerUnit = {kilograms}")?;
+        writeln!(out, "    metersPerUnit = {meters}\n    startTimeCode = {start}")?;
+        if let Some(path) = head.sublayer {
+            writeln!(out, "    subLayers = [\n        {}\n    ]", asset(path))?;
+        }
+        writeln!(out, "    timeCodesPerSecond = {codes}\n    upAxis = \"{up}\"\n)\n")?;
+        roots.iter().try_for_each(|root| root.write(out, 0))
     })
+}
+
+/// Formats the path of a file as OpenUSD requires.
+fn asset(path: &str) -> String {
+    let marks = if path.contains('@') { "@@@" } else { "@" };
+    format!("{marks}{}{marks}", path.replace("@@@", "\\@@@"))
 }
 
 /// Rounds to nine decimals, which removes the errors of divisions, so that frames have whole time

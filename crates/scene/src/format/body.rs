@@ -20,6 +20,8 @@ pub(crate) const BODY_KEYS: &[&str] = &[
     "gravity_factor",
     "linear_damping",
     "angular_damping",
+    "force",
+    "start_asleep",
     "surface_velocity",
     "density",
     "mass",
@@ -41,6 +43,7 @@ pub(crate) const BODY_KEYS: &[&str] = &[
 pub(crate) const KEY_KEYS: &[&str] = &["time", "position", "rotation"];
 
 const DAMPING: Range = Range::new(0.0, 1e6, "1/s");
+const FORCE: Range = Range::new(-1e20, 1e20, "N");
 const MASS: Range = Range::new(1e-12, 1e15, "kg").or_infinite();
 const INERTIA: Range = Range::new(1e-20, 1e20, "kg m^2").or_infinite();
 
@@ -88,6 +91,8 @@ pub(super) fn read_body(
         gravity_factor: table.real_or("gravity_factor", &Range::new(-1e6, 1e6, ""), 1.0)?,
         linear_damping: table.real_or("linear_damping", &DAMPING, 0.0)?,
         angular_damping: table.real_or("angular_damping", &DAMPING, 0.0)?,
+        force: table.vector_or("force", &FORCE, vec![0.0; dimension])?,
+        start_asleep: read_start_asleep(table, motion)?,
         surface_velocity: read_surface_velocity(table, dimension)?,
         shapes: read_shapes(table, motion, setup, &own.over(&named))?,
         track: read_track(table, motion, dimension, &position, rotation)?,
@@ -223,8 +228,8 @@ fn read_track(
     let Some(field) = table.get("track") else {
         return Ok(track);
     };
-    if motion != Motion::Kinematic {
-        return Err(field.refuse("a track on a body with motion = \"kinematic\" only"));
+    if motion == Motion::Static {
+        return Err(field.refuse("a track on a kinematic or dynamic body only"));
     }
     for (i, item) in field.items("a list of keys")?.enumerate() {
         let owner = table.nested(format!("key {i} of the track"));
@@ -242,6 +247,17 @@ fn read_track(
     Ok(track)
 }
 
+fn read_start_asleep(table: &TableCursor<'_>, motion: Motion) -> Result<bool, SceneError> {
+    let Some(field) = table.get("start_asleep") else {
+        return Ok(false);
+    };
+    let asleep = field.boolean()?;
+    if asleep && (motion != Motion::Dynamic || table.get("track").is_some()) {
+        return Err(field.refuse("true for dynamic bodies without a track only"));
+    }
+    Ok(asleep)
+}
+
 fn warn_of_idle_values(table: &TableCursor<'_>, body: &Body) {
     let warn = |key: &'static str, what: &str| {
         if let Some(field) = table.get(key) {
@@ -250,10 +266,11 @@ fn warn_of_idle_values(table: &TableCursor<'_>, body: &Body) {
     };
     let moves = |x: &[f64]| x.iter().any(|x| *x != 0.0);
     let idle = match body.motion {
-        Motion::Dynamic => None,
+        Motion::Dynamic if body.start_asleep => Some("does not act: the body starts asleep"),
+        Motion::Dynamic if body.track.times.len() < 2 => None,
         Motion::Static => Some("does not act: the body is static"),
         Motion::Kinematic if body.track.times.is_empty() => None,
-        Motion::Kinematic => Some("does not act: the body follows its track"),
+        Motion::Dynamic | Motion::Kinematic => Some("does not act: the body follows its track"),
     };
     if let Some(why) = idle {
         if moves(&body.linear_velocity) {
@@ -265,7 +282,7 @@ fn warn_of_idle_values(table: &TableCursor<'_>, body: &Body) {
     }
     if body.motion != Motion::Dynamic {
         let mass = ["mass", "density", "center_of_mass", "inertia", "inertia_rotation"];
-        for key in mass.into_iter().chain(["linear_damping", "angular_damping"]) {
+        for key in mass.into_iter().chain(["linear_damping", "angular_damping", "force"]) {
             warn(key, "does not act: the body is not dynamic");
         }
     }

@@ -6,6 +6,7 @@ use super::surface::{SurfaceFields, read_filter, read_surface, read_surface_velo
 use crate::description::{Filter, Motion, Rotation, Shape, ShapeKind};
 use crate::error::SceneError;
 use crate::solid_mesh::{DecompositionOptions, is_solid};
+use crate::vertex_track::VertexTrack;
 
 /// Keys common to all shapes, followed by those of one type.
 macro_rules! keys {
@@ -35,7 +36,7 @@ pub(crate) const SHAPE_KEYS: [(&str, &[&str]); 7] = [
     ("cylinder", keys!("radius", "half_height")),
     ("convex_hull", keys!("points")),
     ("halfspace", keys!("normal")),
-    ("trimesh", keys!("vertices", "triangles", "decomposition")),
+    ("trimesh", keys!("vertices", "triangles", "decomposition", "vertex_track")),
 ];
 const TYPES: &str =
     "\"sphere\", \"box\", \"capsule\", \"cylinder\", \"convex_hull\", \"halfspace\", \"trimesh\"";
@@ -47,10 +48,13 @@ const ANY_KEYS: &[&str] = keys!(
     "normal",
     "vertices",
     "triangles",
-    "decomposition"
+    "decomposition",
+    "vertex_track"
 );
 
 pub(crate) const DECOMPOSITION_KEYS: &[&str] = &["accuracy", "pieces"];
+
+pub(crate) const VERTEX_TRACK_KEYS: &[&str] = &["times", "points"];
 
 /// Returns the name of the type in scene files.
 pub(super) fn type_name(kind: &ShapeKind) -> &'static str {
@@ -187,7 +191,7 @@ fn read_trimesh(table: &TableCursor<'_>, motion: Motion) -> Result<ShapeKind, Sc
     let field = table.require("vertices", "a list of points")?;
     let vertices = field
         .items("a list of points")?
-        .map(|item| item.vector(3, &POSITION).map(|v| [at(&v, 0), at(&v, 1), at(&v, 2)]))
+        .map(|item| read_point(&item))
         .collect::<Result<Vec<_>, _>>()?;
     let accepted = "at least one triangle: a list of 3 indices of vertices";
     let field = table.require("triangles", accepted)?;
@@ -213,7 +217,45 @@ fn read_trimesh(table: &TableCursor<'_>, motion: Motion) -> Result<ShapeKind, Sc
     }
     let decomposition = table.get("decomposition");
     let decomposition = decomposition.map(|field| read_decomposition(&field, table, motion));
-    Ok(ShapeKind::Trimesh { vertices, triangles, decomposition: decomposition.transpose()? })
+    let decomposition = decomposition.transpose()?;
+    let vertex_track = table.get("vertex_track");
+    let vertex_track =
+        vertex_track.map(|field| read_vertex_track(&field, table, motion, (&vertices, &triangles)));
+    let vertex_track = vertex_track.transpose()?;
+    Ok(ShapeKind::Trimesh { vertices, triangles, decomposition, vertex_track })
+}
+
+fn read_vertex_track(
+    field: &FieldCursor<'_>,
+    shape: &TableCursor<'_>,
+    motion: Motion,
+    (vertices, triangles): (&[[f64; 3]], &[[u32; 3]]),
+) -> Result<VertexTrack, SceneError> {
+    if motion == Motion::Dynamic {
+        return Err(field.refuse("a vertex_track on a static or kinematic body only"));
+    }
+    let owner = shape.nested("the vertex_track".to_owned());
+    let table = field.table(VERTEX_TRACK_KEYS, &owner)?;
+    let accepted = "a list of times [s] that ascend";
+    let times = table.require("times", accepted)?;
+    let range = Range::new(-1e9, 1e9, "s");
+    let times = times.items(accepted)?.map(|item| item.real(&range));
+    let times = times.collect::<Result<Vec<_>, _>>()?;
+    let accepted = "one list of points for each time";
+    let points = table.require("points", accepted)?;
+    let read = |key: FieldCursor<'_>| {
+        key.items("a list of points")?.map(|item| read_point(&item)).collect()
+    };
+    let points = points.items(accepted)?.map(read).collect::<Result<Vec<Vec<_>>, _>>()?;
+    let track = VertexTrack { times, points };
+    match track.check(vertices.len(), triangles) {
+        Ok(()) => Ok(track),
+        Err(fault) => Err(field.refuse_value("a table".to_owned(), format_args!("it {fault}"))),
+    }
+}
+
+fn read_point(item: &FieldCursor<'_>) -> Result<[f64; 3], SceneError> {
+    item.vector(3, &POSITION).map(|v| [at(&v, 0), at(&v, 1), at(&v, 2)])
 }
 
 fn read_decomposition(

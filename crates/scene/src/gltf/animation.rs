@@ -78,6 +78,14 @@ pub(super) struct Animation {
     channels: BTreeMap<(usize, TargetPath), Channel>,
 }
 
+/// Name of the animation of a bake. It moves no bodies when its file is read as a scene.
+pub const BAKED: &str = "Drystone";
+
+fn is_baked(animation: &Cursor<'_>) -> bool {
+    let name = animation.get("name").ok().flatten();
+    name.is_some_and(|name| name.text().is_ok_and(|name| name == BAKED))
+}
+
 impl Animation {
     pub(super) fn read(
         root: &Cursor<'_>,
@@ -86,7 +94,8 @@ impl Animation {
         warnings: &mut Vec<Warning>,
     ) -> Result<Self, SceneError> {
         let mut this = Self { channels: BTreeMap::new() };
-        let animations = root.list("animations")?;
+        let mut animations = root.list("animations")?;
+        animations.retain(|animation| !is_baked(animation));
         let Some(animation) = animations.first() else { return Ok(this) };
         if let Some(second) = animations.get(1) {
             let count = animations.len();

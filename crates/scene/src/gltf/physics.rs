@@ -23,6 +23,8 @@ use crate::solid_mesh::DecompositionOptions;
 
 /// Largest magnitude of the factor on gravity.
 const MOST_GRAVITY: f64 = 1e6;
+/// Largest coordinate of a force. \[N\]
+const MOST_FORCE: f64 = 1e20;
 /// Largest damping rate. \[1/s\]
 const STRONGEST: f64 = 1e6;
 
@@ -35,6 +37,9 @@ struct NodeMotion {
     gravity: f64,
     /// Linear and angular damping rates. \[1/s\]
     damping: [f64; 2],
+    /// Constant force. \[N\]
+    force: Vec3,
+    start_asleep: bool,
 }
 
 /// Source of a collider's geometry.
@@ -200,6 +205,8 @@ impl GltfBodies<'_> {
             gravity_factor: 1.0,
             linear_damping: 0.0,
             angular_damping: 0.0,
+            force: vec![0.0; 3],
+            start_asleep: false,
             surface_velocity: surface(node.cursor.own()?.as_ref())?,
             shapes,
             track,
@@ -213,6 +220,8 @@ impl GltfBodies<'_> {
             }
             body.gravity_factor = moving.gravity;
             [body.linear_damping, body.angular_damping] = moving.damping;
+            body.force = moving.force.into();
+            body.start_asleep = moving.start_asleep && motion == Motion::Dynamic;
             if !driven && motion != Motion::Static {
                 body.linear_velocity = math::turn(turn, moving.linear).into();
                 body.angular_velocity = math::turn(turn, moving.angular).into();
@@ -472,6 +481,8 @@ impl GltfBodies<'_> {
             angular: velocity("angularVelocity")?,
             gravity: motion.get("gravityFactor")?.map_or(Ok(1.0), |g| g.number(MOST_GRAVITY))?,
             damping: [damping(own, "linearDamping")?, damping(own, "angularDamping")?],
+            force: force(own)?,
+            start_asleep: starts_asleep(own)?,
         })
     }
 
@@ -592,6 +603,18 @@ fn surface(own: Option<&Cursor<'_>>) -> Result<Option<SurfaceVelocity>, SceneErr
 fn damping(own: Option<&Cursor<'_>>, key: &str) -> Result<f64, SceneError> {
     let of = own.map(|own| own.get(key)).transpose()?.flatten();
     of.map_or(Ok(0.0), |of| of.within(0.0, STRONGEST))
+}
+
+/// Reads a constant force, which no extension can express, from extras. \[N\]
+fn force(own: Option<&Cursor<'_>>) -> Result<Vec3, SceneError> {
+    let of = own.map(|own| own.get("force")).transpose()?.flatten();
+    of.map_or(Ok([0.0; 3]), |of| of.numbers(MOST_FORCE))
+}
+
+/// Reads from extras whether a body sleeps at the start, which no extension can express.
+fn starts_asleep(own: Option<&Cursor<'_>>) -> Result<bool, SceneError> {
+    let of = own.map(|own| own.get("startAsleep")).transpose()?.flatten();
+    of.map_or(Ok(false), |of| of.boolean())
 }
 
 /// Reads the accuracy and number of convex pieces for a mesh from the extras of its geometry.

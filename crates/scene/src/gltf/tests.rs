@@ -257,6 +257,20 @@ proptest! {
     }
 }
 
+/// A force, and the fact that a body starts asleep, come back from extras.
+#[test]
+fn forces_and_sleep_come_back() {
+    let mut bodies = balls([[0.0, 0.0, 0.0, 1.0]; 3], Motion::Dynamic);
+    bodies[0].force = vec![0.1, -2.0, 1e5];
+    bodies[2].start_asleep = true;
+    let empty = read_json(Path::new("s.json"), "{}").unwrap().scene;
+    let read = written(&Scene { bodies: bodies.clone(), ..empty });
+    let of = |bodies: &[Body]| -> Vec<_> {
+        bodies.iter().map(|body| (body.force.clone(), body.start_asleep)).collect()
+    };
+    assert_eq!(of(&read.scene.bodies), of(&bodies));
+}
+
 /// Types that limits and drives express need no extras. Other values go into extras, which do not
 /// act once the limits have been changed.
 #[test]

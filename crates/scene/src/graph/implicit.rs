@@ -209,7 +209,7 @@ fn sheet([hx, hz]: [f64; 2], double: bool) -> ShapeKind {
     if double {
         triangles.extend([[0, 2, 1], [0, 3, 2]]);
     }
-    ShapeKind::Trimesh { vertices, triangles, decomposition: None }
+    ShapeKind::Trimesh { vertices, triangles, decomposition: None, vertex_track: None }
 }
 
 /// Returns the plate that replaces such a plane on a dynamic body, which needs a volume.

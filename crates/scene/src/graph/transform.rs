@@ -51,7 +51,7 @@ impl Trs {
 
 /// Splits a linear map into rotation and scale, and returns the shear left over relative to the
 /// largest scale. `None` if an axis collapses.
-pub(crate) fn split(linear: Mat3) -> Option<(Quat, Vec3, f64)> {
+pub fn split(linear: Mat3) -> Option<(Quat, Vec3, f64)> {
     let [x, y, z] = linear;
     let mut sizes = [math::length(x), math::length(y), math::length(z)];
     let ux = math::unit(x)?;

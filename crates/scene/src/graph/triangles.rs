@@ -97,7 +97,7 @@ impl Triangles {
             notes.push("collider: its mesh is flat and stays a mesh".to_owned());
         }
         let Triangles { vertices, triangles } = moved;
-        let kind = ShapeKind::Trimesh { vertices, triangles, decomposition };
+        let kind = ShapeKind::Trimesh { vertices, triangles, decomposition, vertex_track: None };
         MeshCollider { kind: Some(kind), notes }
     }
 }

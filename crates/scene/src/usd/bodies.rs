@@ -12,7 +12,7 @@ use super::mass::{self, ColliderMass};
 use super::motion::{self, BodyMotion, Transforms};
 use super::prims::Prim;
 use super::stage::Stage;
-use super::xform::Pose;
+use super::transform::Pose;
 use super::{filters, shapes, surfaces};
 
 /// Returns the bodies of a stage by their prims, in the order of these.
@@ -74,7 +74,7 @@ impl UsdBodies<'_> {
                 let what = "a body below another moves on its own: the one above does not carry it";
                 stage.warn(prim, what, warnings);
             }
-            motion::of(stage, prim, above, warnings)?
+            motion::of(stage, prim, above)?
         } else {
             BodyMotion::AT_REST
         };
@@ -119,8 +119,9 @@ impl UsdBodies<'_> {
         let track =
             if follows { self.transforms.track(stage, index, prim)? } else { Track::default() };
         let units = stage.units;
+        let motion = if follows && moving.released { Motion::Dynamic } else { motion };
         let (linear, angular) = match motion {
-            _ if follows => ([0.0; 3], [0.0; 3]),
+            _ if follows && !moving.released => ([0.0; 3], [0.0; 3]),
             _ => (moving.linear, moving.angular),
         };
         let name = prim.label.as_deref().unwrap_or(&prim.name);
@@ -135,6 +136,8 @@ impl UsdBodies<'_> {
             gravity_factor: moving.gravity,
             linear_damping: moving.damping[0],
             angular_damping: moving.damping[1],
+            force: moving.force.into(),
+            start_asleep: moving.start_asleep,
             surface_velocity: motion::surface(stage, prim, warnings)?,
             shapes,
             track,

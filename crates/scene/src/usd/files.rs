@@ -25,7 +25,7 @@ pub(super) struct Origin {
 /// All layers, by index; the first is the root.
 pub(super) struct Files {
     pub(super) layers: Vec<Layer>,
-    paths: Vec<PathBuf>,
+    pub(super) paths: Vec<PathBuf>,
     /// Layer that each asset path of each layer leads to, or why it leads nowhere.
     links: BTreeMap<(usize, String), Result<usize, String>>,
 }

@@ -15,7 +15,7 @@ use super::joint_axes::{self, JointPrim};
 use super::motion::Transforms;
 use super::prims::Prim;
 use super::stage::Stage;
-use super::xform::Pose;
+use super::transform::Pose;
 use crate::description::Rotation;
 use crate::joint::{Breaking, Joint, JointFrame};
 
@@ -40,6 +40,8 @@ pub(super) fn is_known(prim: &Prim) -> bool {
 /// The joints of a stage.
 pub(super) struct UsdJoints {
     pub(super) all: Vec<Joint>,
+    /// Index of the prim of each joint.
+    pub(super) prims: Vec<usize>,
     /// Properties and schemas of joints that were not read, with the indices of the prims.
     pub(super) unread: Vec<(usize, String)>,
 }
@@ -54,10 +56,13 @@ pub(super) fn all(
     let bodies = prims.iter().enumerate().map(|(body, prim)| (*prim, body)).collect();
     let reader = JointReader { stage, transforms, bodies };
     let mut names = BTreeSet::new();
-    let mut joints = UsdJoints { all: Vec::new(), unread: Vec::new() };
+    let mut joints = UsdJoints { all: Vec::new(), prims: Vec::new(), unread: Vec::new() };
     for (index, prim) in stage.prims.iter().enumerate().filter(|(_, prim)| is_known(prim)) {
         let own = JointPrim::new(stage, prim);
-        joints.all.extend(reader.joint(&own, &mut names, warnings)?);
+        if let Some(joint) = reader.joint(&own, &mut names, warnings)? {
+            joints.all.push(joint);
+            joints.prims.push(index);
+        }
         joints.unread.extend(own.unread().into_iter().map(|name| (index, name)));
     }
     Ok(joints)

@@ -6,11 +6,14 @@ use super::super::graph::track;
 use super::super::graph::{FAR, FAST};
 use super::prims::Prim;
 use super::stage::Stage;
-use super::xform::{Pose, Transform};
+use super::transform::{Pose, Transform};
+use super::xform;
 use crate::graph::math::{self, Mat3, Quat, Vec3};
 
 /// Largest magnitude of the factor on gravity.
 const MOST_GRAVITY: f64 = 1e6;
+/// Largest coordinate of a force. \[N\]
+const MOST_FORCE: f64 = 1e20;
 /// Largest damping rate. \[1/s\]
 const STRONGEST: f64 = 1e6;
 
@@ -25,7 +28,7 @@ impl Transforms {
     pub(super) fn read(stage: &Stage<'_>) -> Result<Self, SceneError> {
         let mut transforms = Self { own: Vec::new(), world: Vec::new() };
         for prim in &stage.prims {
-            let own = Transform::read(stage, prim)?;
+            let own = xform::read(stage, prim)?;
             let above = prim.parent.filter(|_| !own.reset);
             let above = above.and_then(|above| transforms.world.get(above)).copied();
             let world = above.unwrap_or(Pose::REST).after(&own.at(None));
@@ -45,6 +48,11 @@ impl Transforms {
         Ok(transforms)
     }
 
+    /// Returns the transform of a prim relative to its parent.
+    pub(super) fn own(&self, prim: usize) -> Option<&Transform> {
+        self.own.get(prim)
+    }
+
     pub(super) fn of(&self, prim: usize) -> Pose {
         self.world.get(prim).copied().unwrap_or(Pose::REST)
     }
@@ -56,7 +64,7 @@ impl Transforms {
     }
 
     /// Returns a prim and the ancestors that its transform depends on, upwards.
-    fn chain(&self, stage: &Stage<'_>, prim: usize) -> Vec<usize> {
+    pub(super) fn chain(&self, stage: &Stage<'_>, prim: usize) -> Vec<usize> {
         std::iter::successors(Some(prim), |at| self.parent(stage, *at)).collect()
     }
 
@@ -152,6 +160,11 @@ pub(super) struct BodyMotion {
     pub(super) gravity: f64,
     /// Linear and angular damping rates. \[1/s\]
     pub(super) damping: [f64; 2],
+    /// Constant force. \[N\]
+    pub(super) force: Vec3,
+    pub(super) start_asleep: bool,
+    /// True if a body that follows its animation is released at its end.
+    pub(super) released: bool,
 }
 
 impl BodyMotion {
@@ -161,16 +174,14 @@ impl BodyMotion {
         angular: [0.0; 3],
         gravity: 1.0,
         damping: [0.0; 2],
+        force: [0.0; 3],
+        start_asleep: false,
+        released: false,
     };
 }
 
 /// Reads the motion of a body from UsdPhysics. `above` is the pose of its parent.
-pub(super) fn of(
-    stage: &Stage<'_>,
-    prim: &Prim,
-    above: Pose,
-    warnings: &mut Vec<Warning>,
-) -> Result<BodyMotion, SceneError> {
+pub(super) fn of(stage: &Stage<'_>, prim: &Prim, above: Pose) -> Result<BodyMotion, SceneError> {
     const ANGULAR: &str = "physics:angularVelocity";
     let flag = |name: &str| stage.flag(prim, name);
     let motion = if flag("physics:rigidBodyEnabled")? == Some(false) {
@@ -180,10 +191,6 @@ pub(super) fn of(
     } else {
         Motion::Dynamic
     };
-    if flag("physics:startsAsleep")? == Some(true) && motion == Motion::Dynamic {
-        let what = "it starts awake: startsAsleep has no effect";
-        stage.warn(prim, what, warnings);
-    }
     // Velocities are given in the space of the prim's parent.
     let linear = stage.vector::<3>(prim, "physics:velocity", FAST)?.unwrap_or_default();
     let degrees = stage.vector::<3>(prim, ANGULAR, FAST)?.unwrap_or_default();
@@ -202,6 +209,11 @@ pub(super) fn of(
             gravity.unwrap_or(1.0)
         },
         damping: damping(stage, prim)?,
+        force: stage
+            .units
+            .direction(stage.vector::<3>(prim, "drystone:force", MOST_FORCE)?.unwrap_or_default()),
+        start_asleep: motion == Motion::Dynamic && flag("physics:startsAsleep")? == Some(true),
+        released: flag("drystone:released")? == Some(true),
     })
 }
 

@@ -22,6 +22,8 @@ pub(super) struct Prim {
     pub(super) properties: BTreeMap<String, Property>,
     pub(super) parent: Option<usize>,
     pub(super) origin: Origin,
+    /// True if its copies may share what is below it.
+    pub(super) instanceable: bool,
 }
 
 /// A composed property.
@@ -119,6 +121,8 @@ fn prim(node: &PrimNode<'_>, name: String, parent: Option<usize>, prims: &[Prim]
             edit(&mut schemas, entry, texts(entry), |a, b| a == b);
         }
     }
+    let shared = specs().find_map(|spec| spec.metadata("instanceable"));
+    let instanceable = shared.is_some_and(|entry| !off(&entry.value));
     let label = specs().find_map(|spec| match &spec.metadata("displayName")?.value {
         Value::Text(text) => Some(text.clone()),
         _ => None,
@@ -136,6 +140,7 @@ fn prim(node: &PrimNode<'_>, name: String, parent: Option<usize>, prims: &[Prim]
         name,
         label,
         parent,
+        instanceable,
     })
 }
 

@@ -1,15 +1,17 @@
 //! A stage: its prims, units and values. Values are checked as they are read.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use super::super::engine::Engine;
 use super::super::error::{Place, SceneError, Warning};
 use super::super::graph::FAR;
-use super::super::graph::math::{self, Quat, Vec3};
+use super::super::graph::math::Vec3;
 use super::files::{Files, Origin};
 use super::layer::Value;
 use super::lexer::Fault;
 use super::prims::{self, Prim, Property, is_word};
+use super::units::StageUnits;
 
 /// Smallest and largest accepted unit. \[m, kg\]
 const UNITS: (f64, f64) = (1e-12, 1e12);
@@ -19,51 +21,10 @@ pub(super) struct Stage<'f> {
     files: &'f Files,
     pub(super) engine: &'f dyn Engine,
     pub(super) prims: Vec<Prim>,
-    pub(super) units: Units,
+    pub(super) units: StageUnits,
+    /// True if the stage states its time codes per second.
+    pub(super) has_rate: bool,
     places: BTreeMap<String, usize>,
-}
-
-/// Units and conventions of a stage.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Units {
-    /// Unit of length. \[m\]
-    pub(super) meters: f64,
-    /// Unit of mass. \[kg\]
-    pub(super) kilograms: f64,
-    /// True if z points up, false if y does.
-    pub(super) z_up: bool,
-    /// Time codes per second. \[1/s\]
-    pub(super) rate: f64,
-    /// The time code at which the simulation starts.
-    pub(super) start: f64,
-}
-
-impl Units {
-    /// Converts a direction of the stage to the scene, where y is up.
-    pub(super) fn direction(&self, [x, y, z]: Vec3) -> Vec3 {
-        if self.z_up { [x, z, -y] } else { [x, y, z] }
-    }
-
-    /// Converts a position or a velocity.
-    pub(super) fn length(&self, vector: Vec3) -> Vec3 {
-        let turned = self.direction(vector);
-        if self.meters == 1.0 { turned } else { math::scale(turned, self.meters) }
-    }
-
-    pub(super) fn turn(&self, turn: Quat) -> Quat {
-        const UP: f64 = std::f64::consts::FRAC_1_SQRT_2;
-        if self.z_up { math::quat_mul([-UP, 0.0, 0.0, UP], turn) } else { turn }
-    }
-
-    /// Unit of density. \[kg/m^3\]
-    pub(super) fn density(&self) -> f64 {
-        self.kilograms / self.meters.powi(3)
-    }
-
-    /// Converts a time code to a time from the start of the simulation. \[s\]
-    pub(super) fn seconds(&self, code: f64) -> f64 {
-        (code - self.start) / self.rate
-    }
 }
 
 impl<'f> Stage<'f> {
@@ -72,10 +33,10 @@ impl<'f> Stage<'f> {
         engine: &'f dyn Engine,
         warnings: &mut Vec<Warning>,
     ) -> Result<Self, SceneError> {
-        let units = Units { meters: 1.0, kilograms: 1.0, z_up: false, rate: 24.0, start: 0.0 };
+        let units = StageUnits::METERS;
         let prims = prims::all(files)?;
         let places = prims.iter().enumerate().map(|(i, prim)| (prim.path.clone(), i)).collect();
-        let mut stage = Self { files, engine, prims, units, places };
+        let mut stage = Self { files, engine, prims, units, has_rate: false, places };
         let unit = |key: &str, (low, high): (f64, f64)| stage.metadata_number(key, low, high);
         let meters = unit("metersPerUnit", UNITS)?;
         if meters.is_none() {
@@ -99,7 +60,8 @@ impl<'f> Stage<'f> {
                 return Err(files.fault(0, Fault::new(at, "upAxis", value.label(), accepted)));
             }
         };
-        stage.units = Units {
+        stage.has_rate = rate.is_some();
+        stage.units = StageUnits {
             meters: meters.unwrap_or(0.01),
             kilograms: kilograms.unwrap_or(1.0),
             z_up,
@@ -110,9 +72,22 @@ impl<'f> Stage<'f> {
     }
 
     /// Returns a metadata value of the stage and its offset in the root layer.
-    fn metadata(&self, key: &str) -> Option<(&'f Value, usize)> {
+    pub(super) fn metadata(&self, key: &str) -> Option<(&'f Value, usize)> {
         let entry = self.files.layers.first()?.root.metadata(key)?;
         (entry.value != Value::Blocked).then_some((&entry.value, entry.at))
+    }
+
+    /// Returns the paths of all layers.
+    pub(super) fn layers(&self) -> Vec<PathBuf> {
+        self.files.paths.clone()
+    }
+
+    /// Returns the name of the default prim.
+    pub(super) fn default_prim(&self) -> Option<String> {
+        match self.metadata("defaultPrim") {
+            Some((Value::Text(name), _)) => Some(name.clone()),
+            _ => None,
+        }
     }
 
     fn metadata_number(&self, key: &str, low: f64, high: f64) -> Result<Option<f64>, SceneError> {

@@ -131,6 +131,11 @@ pub(super) fn name(
             let what = "its surface velocity does not act: it is neither a body nor a collider";
             stage.warn(prim, what, warnings);
         }
+        let sampled = prim.properties.get("points").and_then(|points| points.samples.as_ref());
+        if has("PhysicsCollisionAPI") && sampled.is_some_and(|samples| samples.len() > 1) {
+            let what = "its mesh does not deform: time samples of points are not read";
+            stage.warn(prim, what, warnings);
+        }
         if prim.kind == "PointInstancer" {
             stage.warn(prim, "its instances are not simulated", warnings);
         }

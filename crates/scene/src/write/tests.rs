@@ -106,6 +106,7 @@ fn kind(dimension: usize, motion: Motion) -> BoxedStrategy<ShapeKind> {
     if motion != Motion::Dynamic && dimension == 3 {
         let mesh = ShapeKind::Trimesh {
             decomposition: None,
+            vertex_track: None,
             vertices: vec![[0.1, 0.2, 0.3], [1.0, 0.0, -0.0], [0.0, 1e-3, 7.0]],
             triangles: vec![[0, 1, 2], [2, 1, 0]],
         };
@@ -151,7 +152,7 @@ fn mass(dimension: usize, motion: Motion) -> BoxedStrategy<Mass> {
 }
 
 fn track(dimension: usize, motion: Motion) -> BoxedStrategy<Track> {
-    if motion != Motion::Kinematic {
+    if motion == Motion::Static {
         return Just(Track::default()).boxed();
     }
     vec((1e-3..10.0, vector(dimension), rotation(dimension)), 0..4)
@@ -179,11 +180,22 @@ fn body(dimension: usize) -> impl Strategy<Value = Body> {
             vector(moments),
             mass(dimension, motion),
             (prop_oneof![Just(1.0), -2.0..2.0], damping(), damping(), surface_velocity(dimension)),
+            (prop_oneof![Just(vec![0.0; dimension]), vector(dimension)], any::<bool>()),
             vec(shape(dimension, motion), least..4),
             track(dimension, motion),
         )
             .prop_map(
-                move |(position, rotation, linear_velocity, spin, mass, rest, shapes, track)| {
+                move |(
+                    position,
+                    rotation,
+                    linear_velocity,
+                    spin,
+                    mass,
+                    rest,
+                    more,
+                    shapes,
+                    track,
+                )| {
                     Body {
                         name: None,
                         motion,
@@ -195,6 +207,8 @@ fn body(dimension: usize) -> impl Strategy<Value = Body> {
                         gravity_factor: rest.0,
                         linear_damping: rest.1,
                         angular_damping: rest.2,
+                        force: more.0,
+                        start_asleep: more.1 && motion == Motion::Dynamic && track.times.is_empty(),
                         surface_velocity: rest.3,
                         shapes,
                         track,

@@ -130,10 +130,10 @@ pub(super) fn between_boxes<const L: usize>(
     if L == 3 && best.gap <= prediction {
         let beyond = edge_beyond(best.gap, prediction);
         if let Some((gap, edges)) = best_edges(a, b, from_b, beyond) {
-            best = Separation {
-                gap,
-                axis: Axis::Edges(crossing(&Cuboid(*a), &Cuboid(*b), from_b, edges)),
-            };
+            // Farther into each other, edges say little of what touches.
+            let within = gap > -prediction;
+            let crossing = crossing(&Cuboid(*a), &Cuboid(*b), from_b, edges, within);
+            best = Separation { gap, axis: Axis::Edges(crossing) };
         }
     }
     best
@@ -323,12 +323,14 @@ fn best_edges<const L: usize>(
     best
 }
 
-/// Returns the crossing of two edges, which run along axis i of box a and axis n of box b.
+/// Returns the crossing of two edges, which run along axis i of box a and axis n of box b. `within`
+/// asks for points of the edges, and not of their lines.
 fn crossing<const L: usize>(
     a: &Cuboid<L>,
     b: &Cuboid<L>,
     from_b: &Frame<L>,
     [i, n]: [usize; 2],
+    within: bool,
 ) -> Crossing<L> {
     let mut edge_a = Vector::ZERO;
     edge_a[i] = 1.0;
@@ -336,17 +338,34 @@ fn crossing<const L: usize>(
     let across: Vector<f32, L> = moment(edge_a, edge_b);
     let outward = if across.dot(from_b.position) < 0.0 { -1.0 } else { 1.0 };
     let axis = across * (outward / across.length());
-    let far_a = a.support(axis);
-    let far_b = from_b.point(b.support(from_b.local_direction(-axis)));
-    let [s, t] = nearest([far_a, edge_a], [far_b, edge_b]);
+    let (far_a, far_b) = (a.support(axis), b.support(from_b.local_direction(-axis)));
+    // Each edge goes from its corner to the opposite one.
+    let way = |corner: f32| -corner.signum();
+    let (edge_a, edge_b) = (edge_a * way(far_a[i]), edge_b * way(far_b[n]));
+    let lengths = [2.0 * far_a[i].abs(), 2.0 * far_b[n].abs()];
+    let far_b = from_b.point(far_b);
+    let lines = [[far_a, edge_a], [far_b, edge_b]];
+    let [s, t] = if within { nearest_within(lines, lengths) } else { nearest(lines) };
     Crossing { axis, on_a: far_a + edge_a * s, on_b: far_b + edge_b * t, feature: 0 }
+}
+
+/// Returns what [`nearest`] does for the first `lengths` of two lines. \[m\] Lines that are almost
+/// parallel may be nearest far beyond them.
+fn nearest_within<const L: usize>(
+    [[from_a, along_a], [from_b, along_b]]: [[Vector<f32, L>; 2]; 2],
+    lengths: [f32; 2],
+) -> [f32; 2] {
+    let [s, _] = nearest([[from_a, along_a], [from_b, along_b]]);
+    let on_a = from_a + along_a * s.clamp(0.0, lengths[0]);
+    let t = along_b.dot(on_a - from_b).clamp(0.0, lengths[1]);
+    let on_b = from_b + along_b * t;
+    [along_a.dot(on_b - from_a).clamp(0.0, lengths[0]), t]
 }
 
 /// Returns the distances along two lines to their nearest points. \[m\] A line is a point and a
 /// unit direction.
 fn nearest<const L: usize>(
-    [from_a, along_a]: [Vector<f32, L>; 2],
-    [from_b, along_b]: [Vector<f32, L>; 2],
+    [[from_a, along_a], [from_b, along_b]]: [[Vector<f32, L>; 2]; 2],
 ) -> [f32; 2] {
     let between = from_b - from_a;
     let skew = along_a.dot(along_b);
@@ -397,7 +416,7 @@ fn still_across<const L: usize>(
     if sine < 1e-2 {
         return None;
     }
-    let along = nearest(line_a, line_b);
+    let along = nearest([line_a, line_b]);
     let rooms = [0, 1].map(|i| along[i].min(lengths[i] - along[i]));
     let room = rooms[0].min(rooms[1]);
     let on_a = line_a[0] + line_a[1] * along[0];

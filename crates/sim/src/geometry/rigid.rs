@@ -18,7 +18,7 @@ use super::rounds::{RoundedCore, between_rounds, on_solid};
 use super::solid::{Cuboid, Solid};
 use super::{
     Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
-    NormalCarrier, PRECESS_LANES, Precession, Ray, Reach, Spin, SurfaceHit, leading,
+    MeshPlace, NormalCarrier, PRECESS_LANES, Precession, Ray, Reach, Spin, SurfaceHit, leading,
 };
 
 /// Largest absolute coordinate and reach of a shape, which stands for infinity. \[m\]
@@ -1165,6 +1165,45 @@ impl Geometry<3, 3> for Rigid3 {
             center: Vector(of.local_com.to_array()),
             inertia: SymmetricMatrix(inertia.map(Vector)),
         }
+    }
+
+    fn vertices(shape: &Self::Shape) -> Option<Vec<Vector<f32, 3>>> {
+        let mesh = shape.as_trimesh()?;
+        Some(mesh.vertices().iter().map(|vertex| Vector(vertex.to_array())).collect())
+    }
+
+    fn with_vertices(shape: &Self::Shape, vertices: &[Vector<f32, 3>]) -> Option<Self::Shape> {
+        let mesh = shape.as_trimesh().filter(|mesh| mesh.vertices().len() == vertices.len())?;
+        let mut moved = mesh.clone();
+        // The tree is refit, and keeps its order: it depends on these vertices alone.
+        moved.update_vertices(|own| {
+            own.iter_mut().zip(vertices).for_each(|(own, new)| *own = new.0.into());
+        });
+        Some(parry3d::shape::SharedShape::new(moved))
+    }
+
+    fn flat_triangle(shape: &Self::Shape, vertices: &[Vector<f32, 3>]) -> Option<usize> {
+        let mut triangles = shape.as_trimesh()?.indices().iter();
+        triangles.position(|corners| {
+            let [a, b, c] = corners.map(|corner| {
+                vertices.get(corner as usize).map_or(Vector::ZERO, |vertex| vertex.cast::<f64>())
+            });
+            let across: Vector<f64, 3> = drystone_solver::moment(b - a, c - a);
+            across.dot(across) <= 0.0
+        })
+    }
+
+    fn nearest_on_mesh(shape: &Self::Shape, point: Vector<f32, 3>) -> Option<MeshPlace> {
+        use parry3d::shape::CompositeShapeRef;
+        let mesh = shape.as_trimesh()?;
+        let found = CompositeShapeRef(mesh).project_local_point_and_get_location(
+            point.0.into(),
+            f32::MAX,
+            false,
+        );
+        let (triangle, _, location) = found?;
+        let corners = *mesh.indices().get(triangle as usize)?;
+        Some(MeshPlace { corners, weights: location.barycentric_coordinates()? })
     }
 
     over_parry!(

@@ -285,6 +285,11 @@ impl Role {
         }
     }
 
+    /// Returns true if the row is a lock without softness.
+    pub(crate) fn is_rigid_lock(&self) -> bool {
+        matches!(self, Self::Lock(_, None))
+    }
+
     /// Returns true if the row is a motor that runs: it keeps its bodies awake.
     pub(crate) fn runs(&self) -> bool {
         matches!(self, Self::Drive(drive) if drive.velocity != 0.0)

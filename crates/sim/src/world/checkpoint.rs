@@ -63,9 +63,12 @@ pub struct Checkpoint {
     pairs: Vec<[u32; 3]>,
     /// True for each pair that sleeps.
     asleep: Vec<bool>,
-    /// Clearance of each pair without manifolds, else 0. A pair with more clearance than its
-    /// relative motion has no contacts. \[m\]
+    /// Clearance of each pair. A pair without manifolds and with more clearance than its relative
+    /// motion has no contacts; one with manifolds keeps their points. \[m\]
     clearances: Vec<f32>,
+    /// Distance up to which contact points were last reused. \[m\]
+    #[cfg_attr(feature = "serde", serde(default))]
+    last_reuse: f32,
     /// Angular impulse of each pair against rolling and spinning; empty if nothing
     /// resists. \[N m s\]
     torques: Vec<f32>,
@@ -86,6 +89,9 @@ pub struct Checkpoint {
     gravity: Vec<f32>,
     /// Static and kinematic bodies that were added or moved since the last contact search.
     placed: Vec<u32>,
+    /// Slots of the bodies that are held.
+    #[cfg_attr(feature = "serde", serde(default))]
+    held: Vec<u32>,
     /// Coordinates and impulses of the joints.
     #[cfg_attr(feature = "serde", serde(default))]
     joints: SavedJoints,
@@ -199,10 +205,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             since_search: bodies.since_search.iter().flat_map(flat_since_search).collect(),
             boxes: boxes.flat_map(|of| of.min.0.into_iter().chain(of.max.0)).collect(),
             pairs: pairs.iter().map(|of| [of.colliders[0], of.colliders[1], of.count]).collect(),
-            clearances: pairs
-                .iter()
-                .map(|of| if of.count > 0 || of.is_separated() { 0.0 } else { of.clearance })
-                .collect(),
+            clearances: pairs.iter().map(saved_clearance).collect(),
+            last_reuse: self.contacts.last_reuse,
             asleep: pairs.iter().map(|of| of.is_sleeping).collect(),
             torques: self.torques(&pairs),
             manifolds: cache.manifolds.iter().map(|of| [of.part, of.count]).collect(),
@@ -213,6 +217,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             groups: self.sleep.group.clone(),
             gravity: self.sleep.last_gravity.0.to_vec(),
             placed: self.sleep.placed.clone(),
+            held: (0..)
+                .zip(&bodies.held)
+                .filter(|(_, held)| **held)
+                .map(|(slot, _)| slot)
+                .collect(),
             joints: self.solver.joints.save(),
             memory: self.solver.certifier.island_solver.memory,
             jam_schedule: self.solver.certifier.jam_schedule,
@@ -274,18 +283,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         self.contacts.pairs = pairs;
         self.solver.joints.load(&from.joints);
+        self.solver.joints.find_locked(|body| self.bodies.is_static(body));
         for pair in &mut self.contacts.pairs {
             if self.solver.joints.separates(pair.bodies) {
                 pair.separate();
             }
         }
-        self.solver.surfaces.held.clear();
-        let torques = from.torques.chunks_exact(A.max(1)).zip(&self.contacts.pairs);
-        self.solver.surfaces.held.extend(torques.map(|(numbers, pair)| HeldTorque {
-            colliders: pair.colliders,
-            torque: take(&mut numbers.iter().copied()),
-        }));
+        self.hold_torques(from);
         self.contacts.cache = cache;
+        self.contacts.last_reuse = from.last_reuse;
         let placed = from.placed.clone();
         self.sleep = Sleep::resumed(from.still.clone(), from.groups.clone(), placed, sleeping);
         self.sleep.last_gravity = take(&mut from.gravity.iter().copied());
@@ -304,13 +310,31 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         Ok(())
     }
 
+    /// Loads the torques of the pairs that are there.
+    fn hold_torques(&mut self, from: &Checkpoint) {
+        self.solver.surfaces.held.clear();
+        let torques = from.torques.chunks_exact(A.max(1)).zip(&self.contacts.pairs);
+        self.solver.surfaces.held.extend(torques.map(|(numbers, pair)| HeldTorque {
+            colliders: pair.colliders,
+            torque: take(&mut numbers.iter().copied()),
+        }));
+    }
+
     fn restore_bodies(&mut self, from: &Checkpoint) {
+        // Calls before the restore concern the next step no more.
+        self.colliders.mesh_motions.clear();
+        self.bodies.led_energy = [0.0; 2];
         for (body, numbers) in from.poses.chunks_exact(pose_numbers(L)).enumerate() {
             let pose = G::read(numbers);
             self.bodies.poses[body] = pose;
             self.bodies.frames[body] = G::frame(&pose);
         }
         let bodies = &mut self.bodies;
+        for slot in 0..bodies.held.len() {
+            if bodies.can_be_moved(slot) {
+                bodies.set_held(slot, from.held.binary_search(&(slot as u32)).is_ok());
+            }
+        }
         fill(&from.position_remainders, &mut bodies.position_remainders);
         let mut numbers = from.spins.iter().copied();
         for turn in &mut bodies.spin_states {
@@ -373,7 +397,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         self.check_joints(&from.joints)?;
-        if from.placed.iter().any(|&body| body as usize >= bodies) {
+        let slots = from.placed.iter().chain(&from.held);
+        if slots.into_iter().any(|&body| body as usize >= bodies) {
             return Err(CheckpointError::OtherBodies);
         }
         for (what, numbers) in [
@@ -450,6 +475,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             pairs.push(pair);
         }
         Ok((pairs, caches))
+    }
+}
+
+/// Returns the clearance of a pair as far as a step depends on it. It may be infinite or negative.
+fn saved_clearance(pair: &Pair) -> f32 {
+    match pair {
+        _ if pair.is_separated() => 0.0,
+        _ if pair.count > 0 => pair.clearance.max(0.0),
+        _ => pair.clearance,
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::common::counting::allocations;
 use crate::common::*;
 use drystone::geometry::{Particles, Rigid2, Rigid3};
-use drystone::{Motion, World};
+use drystone::{Joint, Motion, World};
 
 /// Drops these shapes into a tray, lets them settle for 300 steps, and asserts that 50 more
 /// allocate nothing.
@@ -91,4 +91,35 @@ fn a_settled_pile_in_space_allocates_nothing() {
     solid::<Rigid3, 3, 3>("hulls", std::slice::from_ref(&hull));
     solid::<Rigid3, 3, 3>("capsules", std::slice::from_ref(&capsule));
     solid::<Rigid3, 3, 3>("mixed", &[ball, block, hull, capsule]);
+}
+
+/// Fifty steps of chains that swing, of which some lie on the floor, allocate nothing.
+#[test]
+fn swinging_chains_allocate_nothing() {
+    let material = surface(0.5, 0.0);
+    let mut world: World<Rigid3, 3, 3> = world();
+    add_floor(&mut world, &material);
+    for chain in 0..4 {
+        let (z, mut above) = (chain as f32, None);
+        for link in 0..6 {
+            let y = 3.0 - chain as f32 * 0.6;
+            let position = [0.4 * link as f32 + 0.2, y, z];
+            let shape = Rigid3::capsule(0.1, 0.05);
+            let id = world.add(dynamic(position, shape, &material)).unwrap();
+            let joint = Joint::ball([above, Some(id)]).at([0.4 * link as f32, y, z]);
+            world.join(joint).unwrap();
+            above = Some(id);
+        }
+    }
+    for _ in 0..900 {
+        world.step(DT).unwrap();
+    }
+    let mut gap = 0.0f64;
+    let taken = allocations(|| {
+        for _ in 0..50 {
+            gap = gap.max(world.step(DT).unwrap().joint_gap[0]);
+        }
+    });
+    assert!(gap > 0.0 && gap < 1e-3, "gap of {gap} m");
+    assert_eq!(taken, 0, "allocations in 50 steps");
 }

@@ -373,6 +373,71 @@ fn a_belt_does_work() {
     belt::<Rigid3, 3, 3>();
 }
 
+/// Holds a ball and moves it at 3 m/s upwards along x = y for 0.5 s, with a spin in 3D, then lets it
+/// go. Returns the sum of the ledgers, the change of the measured energy, and the largest energy of
+/// a step that its ledger leaves unexplained.
+fn throw<G: RoundShapes<L, A>, const L: usize, const A: usize>(targets: u32) -> (Ledger, f64, f64) {
+    let mut world = world::<G, L, A>();
+    world.settings.ledger = true;
+    add_floor(&mut world, &surface(0.5, 0.3));
+    let held = world.add(dynamic(v(0.0, 0.5, 0.0), G::ball(0.2), &surface(0.5, 0.3))).unwrap();
+    for i in 0..targets {
+        let at = v(0.6 + 0.45 * i as f32, 1.5, 0.0);
+        world.add(dynamic(at, G::ball(0.2), &surface(0.5, 0.3))).unwrap();
+    }
+    let mut spin = [0.0; A];
+    spin.iter_mut().for_each(|spin| *spin = 2.0);
+    world.hold(held, true).unwrap();
+    let (start, mut total, mut unexplained) = (energy(&world), Ledger::default(), 0.0f64);
+    for step in 0..60 {
+        match step {
+            0..30 => {
+                let velocity = Velocity { linear: Vector(v(2.0, 2.0, 1.0)), angular: Vector(spin) };
+                world.set_velocity(held, velocity).unwrap();
+            }
+            30 => world.hold(held, false).unwrap(),
+            _ => {}
+        }
+        let ledger = world.step(DT).unwrap().energy.expect("a ledger was asked for");
+        unexplained = unexplained.max(ledger.unexplained().abs());
+        total.join(&ledger);
+    }
+    (total, energy(&world) - start, unexplained)
+}
+
+fn led<G: RoundShapes<L, A>, const L: usize, const A: usize>() {
+    let what = format!("({L},{A})");
+    let mass = f64::from(G::mass(&G::ball(0.2), 1000.0).mass);
+    let inertia = G::mass(&G::ball(0.2), 1000.0).inertia;
+    // Alone: 1/2 m v^2 and the rotation, and m g h up to the release.
+    let (total, gained, unexplained) = throw::<G, L, A>(0);
+    let squared = if L == 2 { 8.0 } else { 9.0 };
+    let turning: f64 = (0..A).map(|i| 2.0 * f64::from(inertia.0[i][i])).sum();
+    let expected = 0.5 * mass * squared + turning + mass * f64::from(GRAVITY);
+    assert!((total.driven / expected - 1.0).abs() < 1e-4, "{what}: {total:#?}, not {expected} J");
+    assert!(unexplained < 1e-4 * expected, "{what}: {unexplained} J");
+    let balance = (total.kinetic + total.potential - gained).abs();
+    assert!(balance < 1e-4 * expected, "{what}: {balance} J");
+    assert!(total.created() < 1e-4 * expected, "{what}: {total:#?}");
+    // Through a row of others: their energy comes from the track too.
+    let (total, gained, unexplained) = throw::<G, L, A>(4);
+    assert!(total.driven > 1.05 * expected, "{what}: {total:#?}");
+    assert!(unexplained < 1e-4 * expected, "{what}: {unexplained} J");
+    let balance = (total.kinetic + total.potential - gained).abs();
+    assert!(balance < 1e-4 * expected, "{what}: {balance} J");
+    assert!(total.created() < 1e-4 * expected, "{what}: {total:#?}");
+}
+
+/// The work that moves a held body is its kinetic and potential energy at the release, and what it
+/// gives others before. The ledgers add up to the measured energy, within 1e-4.
+#[test]
+fn the_ledger_has_the_work_on_held_bodies() {
+    led::<Particles, 2, 0>();
+    led::<Particles, 3, 0>();
+    led::<Rigid2, 2, 1>();
+    led::<Rigid3, 3, 3>();
+}
+
 fn pushed<G: Rigid<L, A>, const L: usize, const A: usize>() {
     let mut world = weightless::<G, L, A>();
     let block = dynamic([0.0; L], G::cuboid([0.5; L]), &surface(0.5, 0.0));

@@ -1,6 +1,7 @@
 //! Tests of joints against closed forms: motion, forces and energy, as for bakes and in real time.
 
 mod extremes;
+mod held;
 mod loads;
 mod machines;
 mod swings;

@@ -2,7 +2,7 @@
 //! what comes to them.
 
 use drystone::geometry::{Geometry, Rigid3};
-use drystone::{Body, BodyId, InputError, Motion, StepSettings, Vector, Velocity, World3};
+use drystone::{Body, BodyId, InputError, Joint, Motion, StepSettings, Vector, Velocity, World3};
 
 use super::common::{Random, Rigid, RoundShapes};
 
@@ -224,6 +224,35 @@ fn a_body_added_to_a_sleeping_pile_wakes_it() {
     }
 }
 
+/// A crate that is held carries another below it on a rod, and both fall as one once it is released.
+/// Only dynamic bodies are held or put to sleep.
+#[test]
+fn a_held_body_carries_what_it_is_joined_to() {
+    let mut world = world();
+    let floor = floor(&mut world);
+    let held = cube(&mut world, [0.0, 8.0, 0.0], 0.5);
+    let below = cube(&mut world, [0.0, 6.0, 0.0], 0.5);
+    world.join(Joint::fixed([Some(held), Some(below)])).unwrap();
+    let height = |world: &World3, id| Rigid3::frame(&world.pose(id).unwrap()).position[1];
+    world.hold(held, true).unwrap();
+    assert_eq!(world.put_to_sleep(held), Err(InputError::NotDynamic));
+    let up = Velocity { linear: Vector([0.0, 1.0, 0.0]), angular: Vector::ZERO };
+    world.set_velocity(held, up).unwrap();
+    (0..60).for_each(|_| drop(world.step(DT).unwrap()));
+    for (id, expected) in [(held, 9.0), (below, 7.0)] {
+        assert!((height(&world, id) - expected).abs() < 1e-3, "{} m", height(&world, id));
+    }
+    world.hold(held, false).unwrap();
+    (0..30).for_each(|_| drop(world.step(DT).unwrap()));
+    let fallen = 0.5 - 0.5 * 9.81 * 0.25;
+    for (id, from) in [(held, 9.0), (below, 7.0)] {
+        let off = height(&world, id) - from - fallen;
+        assert!(off.abs() < 2e-3, "off by {off} m");
+    }
+    assert_eq!(world.hold(floor, true), Err(InputError::NotDynamic));
+    assert_eq!(world.put_to_sleep(floor), Err(InputError::NotDynamic));
+}
+
 /// A static body has no velocity, whoever asks. Moved elsewhere, it carries the bodies there, and
 /// nothing where it was.
 #[test]
@@ -382,6 +411,13 @@ fn touching_bodies_are_reported_with_the_impulse_of_the_whole_step() {
             let pushed = of(ball).map_or(0.0, |of| of.impulse);
             let gained = mass * (rising - falling + gravity * DT);
             assert!((pushed - gained).abs() < 0.02 * gained.abs() + 1e-3, "{pushed}, {gained}");
+            let push = world.impulses().find(|of| of.bodies.contains(&ball));
+            assert_eq!(push.map_or(0.0, |of| of.impulse), pushed);
+            if let Some(push) = push.filter(|_| pushed > mass) {
+                assert!((push.speed + falling).abs() < 1e-4, "{push:?}, {falling}");
+                assert!((push.normal[1].abs() - 1.0).abs() < 1e-3, "{push:?}");
+                assert!(push.point.length() < 2e-3, "{push:?}");
+            }
             bounces += u32::from(pushed > mass);
             let stands = of(crate_id).expect("the crate stands");
             assert_eq!(stands.bodies.map(|id| id == crate_id || id == floor), [true; 2]);

@@ -40,6 +40,12 @@ pub trait ManifoldSource<const L: usize>: Sync {
         false
     }
 
+    /// Returns whether all manifolds are to be one batch. Sums over manifolds then do not depend on
+    /// the batches of earlier calls. The default is `false`.
+    fn is_whole(&self) -> bool {
+        false
+    }
+
     /// Reads manifolds into the lanes `seats`, and `place`, `gap` and `impulse` of their points
     /// into `points`. There may be more `points` than a manifold has; an absent point has the gap
     /// [`FAR`].
@@ -284,10 +290,15 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         }
     }
 
-    /// Updates W of its bodies after they have rotated. `masses` are those of the bodies from index
-    /// `first` on.
+    /// Updates W of the bodies in the lanes where `turns` is positive. `masses` are those of the bodies
+    /// from index `first` on.
     #[inline(always)]
-    pub(super) fn take_turned(&mut self, first: usize, masses: &[InverseMass<f32, L, A>]) {
+    pub(super) fn take_turned(
+        &mut self,
+        first: usize,
+        masses: &[InverseMass<f32, L, A>],
+        turns: V,
+    ) {
         let still = InverseMass::FIXED;
         for side in 0..2 {
             let of = V::each(|lane| match self.away[side] >> lane & 1 {
@@ -296,7 +307,8 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
             });
             for i in 0..A {
                 let row = V::each(|lane| &of[lane].angular.0[i]);
-                self.masses[side].angular.0[i] = V::gathered_vector(row);
+                let own = &mut self.masses[side].angular.0[i];
+                *own = choose(turns, V::gathered_vector(row), *own);
             }
         }
     }
@@ -444,6 +456,16 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         let [first, end] = self.reach.map(|body| body as usize);
         of.check(first..end);
     }
+}
+
+/// Returns `new` in the lanes where `by` is positive, else `old`.
+#[inline(always)]
+pub(super) fn choose<V: Lanes, const N: usize>(
+    by: V,
+    new: Vector<V, N>,
+    old: Vector<V, N>,
+) -> Vector<V, N> {
+    Vector(std::array::from_fn(|i| by.choose(new[i], old[i])))
 }
 
 /// Sets a lane of a wide vector.

@@ -3,7 +3,7 @@
 //!
 //! The equations of curved paths are in [`kinematics`](crate::kinematics).
 
-use super::block::{Block, splat};
+use super::block::{Block, choose, splat};
 use super::{Lanes, WIDTH};
 use crate::kinematics::Moved;
 use crate::{Contact, InverseMass, Real, Repair, Vector, Velocity};
@@ -170,21 +170,22 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     let spins = [a.angular, b.angular];
     let moved = [&(a * dt), &(b * dt)];
     let [deepest, ..] = &*points else { return };
-    let turns = block.manifold.turns(deepest.gap[0], moved, dt);
-    block.renewed = any(turns, block.used);
+    let rotates = block.manifold.turns(deepest.gap[0], moved, dt);
+    block.renewed = any(rotates, block.used);
     if !block.renewed {
         return;
     }
     let [a, b] = block.gather_from(first, bodies.displacements);
     let manifold = &mut block.manifold;
-    let turns = turns.min(manifold.holds(deepest.gap[0], [&a, &b]));
+    let turns = rotates.min(manifold.holds(deepest.gap[0], [&a, &b]));
     let mut wrench = Velocity::ZERO;
     for contact in &*points {
         contact.add_wrench(0..L, contact.impulse, &mut wrench);
     }
     let mut before: Velocity<V, L, B> = manifold.frame.twist_felt(&a, &b);
     let gap = deepest.gap[0] + deepest.normal_velocity(&before);
-    let twist = if B == 0 { V::ZERO } else { V::ONE };
+    // A single point is at the center, and does not spin with the body.
+    let twist = deepest.offset.dot(deepest.offset).choose(V::ONE, V::ZERO);
     let Moved { frame: next, bend } = manifold.moved(gap, moved, twist);
     // Half of the impulse acts through J before the motion, half through J after it.
     let half = V::from_f64(0.5);
@@ -194,18 +195,11 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     // An impact changes rotation at once, so correcting the lag of its arms would feed back on
     // itself.
     let turns = turns.min(settles(&next.arms, &block.masses, &lag, spins));
-    let choose = |new: Vector<V, L>, old: Vector<V, L>| {
-        let mut out = old;
-        for i in 0..L {
-            out[i] = turns.choose(new[i], old[i]);
-        }
-        out
-    };
     for i in 0..L {
-        manifold.frame.axes[i] = choose(next.axes[i], manifold.frame.axes[i]);
+        manifold.frame.axes[i] = choose(turns, next.axes[i], manifold.frame.axes[i]);
     }
     for side in 0..2 {
-        manifold.frame.arms[side] = choose(next.arms[side], manifold.frame.arms[side]);
+        manifold.frame.arms[side] = choose(turns, next.arms[side], manifold.frame.arms[side]);
     }
     block.lag = lag.map(|own| own * turns.choose(V::ONE, V::ZERO));
     before.linear[0] += bend;
@@ -213,10 +207,10 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     for contact in &mut *points {
         let mut own = *contact;
         own.renew(&before, &after);
-        contact.gap = choose(own.gap, contact.gap);
+        contact.gap = choose(turns, own.gap, contact.gap);
     }
-    // Done in all lanes: the result of a lane must not depend on the other lanes.
-    block.take_turned(first, bodies.masses);
+    // The result of a lane must not depend on the other lanes.
+    block.take_turned(first, bodies.masses, rotates);
     block.prepare(points, softness);
 }
 

@@ -88,11 +88,12 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
         let joins = |body: u32| moves(body) || !rows.stands(body);
         let again = self.softness.replace(softness) == Some(softness);
         let Self { blocks, contacts, coloring, extents, pool, .. } = self;
-        let sizes = Sizes {
+        let of_batches = Sizes {
             body: 8 * size_of::<Velocity<f32, L, A>>(),
             manifold: size_of::<Block<Portable, L, A>>() / WIDTH,
             point: size_of::<Contact<Portable, L>>() / WIDTH,
         };
+        let sizes = if rows.is_whole() { Sizes::NONE } else { of_batches };
         let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
         let reuse = |of| if again { rows.reuse(of) } else { Reuse::New };
         let same_bodies = coloring.take_bodies(bodies);

@@ -15,7 +15,28 @@ fn header() -> Header {
             names: vec!["Tür".to_owned()],
             axes: vec![AxisName { joint: 0, coordinate: "twist".to_owned() }],
         },
+        extras: Extras { velocities: true, contacts: true },
     }
+}
+
+fn contacts(frame: usize) -> PairImpulses {
+    let numbers = vec![frame as f32; 2 * frame];
+    PairImpulses {
+        bodies: vec![[1, 0]; frame],
+        points: numbers.clone(),
+        normals: numbers,
+        impulses: vec![0.5; frame],
+        speeds: vec![0.25; frame],
+    }
+}
+
+/// Appends a frame with velocities and contacts.
+fn append(journal: &mut Journal, step: Option<&Step>, number: usize) {
+    let (poses, joints, contacts) = (poses(number), joints(number), contacts(number));
+    let velocities: Vec<_> = poses.iter().map(|x| -x).collect();
+    let state =
+        FrameState { poses: &poses, joints: &joints, velocities: &velocities, contacts: &contacts };
+    journal.frame(step, &state).unwrap();
 }
 
 fn joints(frame: usize) -> JointFrame {
@@ -38,9 +59,7 @@ fn write(path: &Path) -> Vec<u64> {
     let mut journal = Journal::create(path, &header()).unwrap();
     let mut ends = vec![MAGIC.len() as u64, journal.size()];
     for frame in 0..4 {
-        journal
-            .frame((frame > 0).then(|| step(frame as u64)).as_ref(), &poses(frame), &joints(frame))
-            .unwrap();
+        append(&mut journal, (frame > 0).then(|| step(frame as u64)).as_ref(), frame);
         ends.push(journal.size());
         if frame == 2 {
             journal.checkpoint(b"state").unwrap();
@@ -66,11 +85,13 @@ fn reading_what_was_written_gives_the_same() {
     assert_eq!(contents.joints, [0, 1, 2, 3].map(joints));
     let all: Vec<f32> = (0..4).flat_map(poses).collect();
     assert_eq!(contents.recording.poses, all);
+    assert_eq!(contents.velocities.numbers, all.iter().map(|x| -x).collect::<Vec<_>>());
+    assert_eq!(contents.contacts, [0, 1, 2, 3].map(contacts));
     assert_eq!(contents.recording.frames(), 4);
     let (mut journal, contents) = Journal::resume(&path).unwrap().unwrap();
     let [mark] = contents.checkpoints[..] else { panic!("one checkpoint") };
     assert_eq!((mark.step, journal.state_at(mark).unwrap()), (2, b"state".to_vec()));
-    journal.frame(Some(&step(4)), &poses(4), &joints(4)).unwrap();
+    append(&mut journal, Some(&step(4)), 4);
     assert_eq!(read(&path).unwrap().steps.len(), 4);
 }
 
@@ -91,7 +112,7 @@ fn a_torn_record_is_cut_off() {
         let frames = [0, 0, 0, 1, 2, 3, 3, 4][records];
         assert_eq!(contents.recording.poses.len(), 6 * frames, "{cut}");
         assert_eq!(fs::metadata(&path).unwrap().len(), ends[records - 1], "{cut}");
-        journal.frame(Some(&step(9)), &poses(9), &joints(9)).unwrap();
+        append(&mut journal, Some(&step(9)), 9);
         assert_eq!(read(&path).unwrap().recording.poses.len(), 6 * (frames + 1), "{cut}");
     }
 }

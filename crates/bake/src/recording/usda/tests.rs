@@ -58,6 +58,35 @@ fn samples_are_kept_where_openusd_mixes_rotations_coarsely() {
     assert_eq!(kept([-0.2, 0.0, 0.2]), 2);
 }
 
+/// Bodies of equal shapes are instances, by their indices; another one stays a prim.
+#[test]
+fn equal_bodies_are_instances_of_a_prototype() {
+    let ball = "{shapes = [{type = \"sphere\", radius = 0.5}]}";
+    let text = format!("bodies = [{ball}, {}, {ball}]", ball.replace("0.5", "0.25"));
+    let scene = read_toml(Path::new("test.toml"), &text).unwrap().scene;
+    let pose = |x: f32| [x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+    let poses = [0.0, 1.0, 2.0, 0.5, 1.0, 3.0].into_iter().flat_map(pose).collect();
+    let recording = Recording { dimension: 3, bodies: 3, frame_time: 0.01, start: 0, poses };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("out.usda");
+    let (joints, options) = (JointRecording::default(), Sampling::default());
+    write_as(&path, (&scene, BodiesAsPrims::Instances), &recording, &joints, &options).unwrap();
+    let text = std::fs::read_to_string(path).unwrap();
+    for part in [
+        "def PointInstancer \"Instances_0\" (",
+        "int64[] ids = [0, 2]",
+        "int[] protoIndices = [0, 0]",
+        "rel prototypes = </World/Instances_0/Prototypes/Shape>",
+        "positions.timeSamples = { 0: [(0, 0, 0), (2, 0, 0)], 1: [(0.5, 0, 0), (3, 0, 0)], }",
+        "quatf[] orientationsf = [(1, 0, 0, 0), (1, 0, 0, 0)]",
+        "double radius = 0.5",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    assert_eq!(text.matches("double radius").count(), 2, "{text}");
+    assert_eq!(text.matches("PhysicsRigidBodyAPI").count(), 1, "{text}");
+}
+
 #[test]
 fn a_body_at_rest_has_no_samples_and_no_frames_need_none() {
     for frames in [0, 1] {

@@ -396,6 +396,8 @@ pub(crate) fn body(motion: Motion, shapes: Vec<Shape>, dimension: usize) -> drys
         gravity_factor: 1.0,
         linear_damping: 0.0,
         angular_damping: 0.0,
+        force: vec![0.0; dimension],
+        start_asleep: false,
         surface_velocity: None,
         shapes,
         track: drystone_scene::Track::default(),
@@ -607,7 +609,7 @@ fn terrain(random: &mut Random, size: f32, bump: f32) -> ShapeKind {
             triangles.push([ahead, right + 1, right]);
         }
     }
-    ShapeKind::Trimesh { vertices, triangles, decomposition: None }
+    ShapeKind::Trimesh { vertices, triangles, decomposition: None, vertex_track: None }
 }
 
 /// Static shapes around the bodies of a trial: nothing, a floor, a terrain or a container.

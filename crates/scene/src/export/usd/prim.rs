@@ -5,7 +5,8 @@ use std::io::{self, Write};
 
 /// A prim to be written.
 pub struct PrimWriter {
-    kind: &'static str,
+    /// Specifier and type.
+    kind: String,
     name: String,
     /// Lines of metadata in the parentheses, except the schemas.
     pub metadata: Vec<String>,
@@ -19,9 +20,33 @@ pub struct PrimWriter {
 
 impl PrimWriter {
     /// Returns a prim of a kind, without attributes.
-    pub fn new(kind: &'static str, name: impl Into<String>) -> Self {
+    pub fn new(kind: &str, name: impl Into<String>) -> Self {
+        Self::specified(format!("def {kind}"), name.into())
+    }
+
+    /// Returns opinions about a prim that a weaker layer defines; none at first.
+    pub fn over(name: impl Into<String>) -> Self {
+        Self::specified("over".to_owned(), name.into())
+    }
+
+    fn specified(kind: String, name: String) -> Self {
         let (metadata, schemas, attributes) = (Vec::new(), Vec::new(), Vec::new());
-        Self { kind, name: name.into(), metadata, schemas, attributes, children: Vec::new() }
+        Self { kind, name, metadata, schemas, attributes, children: Vec::new() }
+    }
+
+    /// Returns the opinions about a prim below this one, by its path relative to it. Adds those
+    /// that are missing.
+    pub fn over_at(&mut self, path: &str) -> &mut Self {
+        let names = path.split('/').filter(|name| !name.is_empty());
+        names.fold(self, |above, name| {
+            // Paths arrive in their order, so the last child is the most likely one.
+            let known = above.children.iter().rposition(|child| child.name == name);
+            let at = known.unwrap_or_else(|| {
+                above.children.push(Self::over(name));
+                above.children.len() - 1
+            });
+            &mut above.children[at]
+        })
     }
 
     /// Sets an attribute, given by type and name.
@@ -68,7 +93,7 @@ impl PrimWriter {
     /// The system refuses.
     pub fn write(&self, out: &mut dyn Write, depth: usize) -> io::Result<()> {
         let indent = "    ".repeat(depth);
-        writeln!(out, "{indent}def {} \"{}\" (", self.kind, self.name)?;
+        writeln!(out, "{indent}{} \"{}\" (", self.kind, self.name)?;
         for line in &self.metadata {
             writeln!(out, "{indent}    {line}")?;
         }
@@ -95,13 +120,13 @@ pub fn tuple(numbers: &[impl Display]) -> String {
 }
 
 /// Formats items as [a, b, c].
-pub(super) fn list(items: impl Iterator<Item = impl Display>) -> String {
+pub fn list(items: impl Iterator<Item = impl Display>) -> String {
     let items: Vec<_> = items.map(|item| item.to_string()).collect();
     format!("[{}]", items.join(", "))
 }
 
 /// Quotes a string as USD requires.
-pub(super) fn quoted(text: &str) -> String {
+pub fn quoted(text: &str) -> String {
     let mut out = String::from("\"");
     for c in text.chars() {
         match c {

@@ -19,7 +19,7 @@ use std::path::Path;
 
 use super::super::mesh::hull_triangles;
 use super::prim::{PrimWriter, list, quoted, space, tuple};
-use super::{Prims, write_stage};
+use super::{Prims, StageHead, write_stage};
 use crate::description::{Body, Filter, Motion, Rotation, Scene, Shape, ShapeKind, Track};
 use crate::engine::Engine;
 use crate::write::own_words;
@@ -56,6 +56,11 @@ impl StageWriter {
         world.children.extend(groups(scene, &prims.names));
         let mut end = 0.0_f64;
         for (index, body) in scene.bodies.iter().enumerate() {
+            if body.shapes.iter().any(|shape| shape.kind.vertex_track().is_some()) {
+                let what =
+                    "has a vertex_track, which a stage cannot have yet; write .toml or .json";
+                return Err(format!("{} {what}", scene.name_of(index)));
+            }
             let mut prim = prims.body(index);
             own(&mut prim, body, engine)
                 .map_err(|why| format!("{} {why}", scene.name_of(index)))?;
@@ -72,7 +77,9 @@ impl StageWriter {
     /// # Errors
     /// Those of [`write_whole`](crate::write_whole).
     pub fn write(&self, path: &Path) -> io::Result<()> {
-        write_stage(path, &self.world, [0.0, self.end], self.frames_per_second, 1.0)
+        let (ends, frames) = ([0.0, self.end], self.frames_per_second);
+        let head = StageHead { ends, frames, ..StageHead::default() };
+        write_stage(path, &head, std::slice::from_ref(&self.world))
     }
 }
 

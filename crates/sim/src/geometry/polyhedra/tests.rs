@@ -196,6 +196,32 @@ fn boxes_are_separated_along_the_best_axis() {
     assert!(edges_won > 300, "{edges_won}");
 }
 
+/// Nearest points of edges are on the boxes, also of edges that are almost parallel, whose lines are
+/// nearest somewhere else.
+#[test]
+fn edges_touch_within_their_length() {
+    let (mut random, mut parallel) = (Random(4), 0);
+    for _ in 0..20000 {
+        let [a, b] = [0; 2].map(|_| Cuboid(Vector(random.vector().0.map(|x| 0.1 + 0.5 * x.abs()))));
+        let turn = random.vector() * 0.02;
+        let from_b =
+            Rigid3::frame(&Rigid3::pose(random.vector(), &[turn[0], turn[1], turn[2], 1.0]));
+        let found = between_boxes(&a, &b, &from_b, PREDICTION);
+        let Axis::Edges(Crossing { axis, on_a, on_b, .. }) = found.axis else { continue };
+        if found.gap <= -PREDICTION {
+            continue;
+        }
+        parallel += 1;
+        let on_b_own = from_b.local_point(on_b);
+        for i in 0..3 {
+            assert!(on_a[i].abs() <= a.0[i] + 1e-5, "{on_a:?} of {:?}", a.0);
+            assert!(on_b_own[i].abs() <= b.0[i] + 1e-5, "{on_b_own:?} of {:?}", b.0);
+        }
+        assert!((axis.dot(on_b - on_a) - found.gap).abs() < 1e-5);
+    }
+    assert!(parallel > 100, "{parallel}");
+}
+
 /// Returns a unit quaternion: a rotation about an axis by an angle \[rad\].
 fn about(axis: [f32; 3], angle: f32) -> [f32; 4] {
     let (sin, cos) = (0.5 * angle).sin_cos();

@@ -1,0 +1,177 @@
+"""Keys of a bake on the objects of a scene."""
+
+import math
+
+import bpy
+import numpy as np
+
+from . import contacts
+from .curves import set_keys
+from .exporting import channels_of
+from .originals import Actions, assign, bag_of, baked_things, forget, remove_unused_actions, take_over
+from .space import ORIGINAL, time_step
+
+# A step after which the window gets its turn.
+WAITING = "waiting"
+# A bake whose samples are this near to whole frames is not mixed. [frame]
+WHOLE = 1e-3
+
+
+def at_frames(times, poses, step):
+    """Returns poses at whole frames, from the first sample to the last: mixed where samples lie between."""
+    moments = np.asarray(times, float) / step
+    if np.abs(moments - moments.round()).max() <= WHOLE and (np.diff(moments.round()) > 0).all():
+        return moments.round().astype(int), poses
+    frames = np.arange(int(math.floor(moments[-1] + WHOLE)) + 1)
+    after = np.clip(np.searchsorted(moments, frames), 1, len(moments) - 1)
+    part = (frames - moments[after - 1]) / (moments[after] - moments[after - 1])
+    part = np.clip(part, 0, 1)[:, None, None]
+    first, second = poses[after - 1].astype(float), poses[after].astype(float)
+    sign = np.where((first[..., 3:] * second[..., 3:]).sum(-1, keepdims=True) < 0, -1, 1)
+    second[..., 3:] *= sign
+    mixed = first + (second - first) * part
+    mixed[..., 3:] /= np.linalg.norm(mixed[..., 3:], axis=-1, keepdims=True)
+    return frames, mixed
+
+
+def read_bake(path):
+    """Returns names, times and poses of a bake."""
+    with np.load(path, allow_pickle=False) as arrays:
+        poses, names, times = arrays["poses"], arrays["names"], arrays["times"]
+    if poses.shape[2] != 7:
+        raise ValueError(f"{path} is of a scene in the plane; accepted: bakes in 3D")
+    return [str(name) for name in names], times, poses
+
+
+def frames_in(path):
+    """Returns the number of samples of a bake."""
+    with np.load(path, allow_pickle=False) as arrays:
+        return len(arrays["times"])
+
+
+def _sign_after(past, turn):
+    """Returns the sign with which a quaternion is near the one of the last key before it."""
+    last = np.array([past["rotation_quaternion", i][-1, 1] for i in range(4)])
+    return -1.0 if last @ turn < 0 else 1.0
+
+
+class Keys:
+    """Keys of one bake, which may grow.
+
+    `channels` has the channels of the objects that get keys, by name. With a start, the bake begins inside of
+    another one, whose keys before it stay.
+    """
+
+    def __init__(self, scene, channels, start=None):
+        # Undo may replace a scene while a bake runs.
+        self.scene_name = scene.name
+        self.first = start.frame if start else scene.frame_start
+        # Number of frames of the scene before the first one of the bake, and keys of these, by name.
+        self.offset = self.first - scene.frame_start
+        self.past = start.past if start else {}
+        self.channels = channels
+        self.actions = Actions()
+        # Names of the objects that have keys.
+        self.taken = set()
+        # Number of frames that all objects have keys of.
+        self.frames = 0
+        self._things = None
+
+    def refresh(self):
+        """Forgets references, which undo replaces."""
+        self._things = None
+        self.actions.refresh()
+
+    def thing(self, name):
+        """Returns an object of the bake, or None. A look into Blender's list of objects would take longer."""
+        if self._things is None:
+            self._things = {thing.name: thing for thing in self.scene.objects if thing.name in self.channels}
+        return self._things.get(name)
+
+    @property
+    def scene(self):
+        return bpy.data.scenes[self.scene_name]
+
+    def begin(self, kept):
+        """Restores objects of earlier bakes that are not part of this one, but for those to be kept."""
+        for thing in baked_things(self.scene) if not self.past else []:
+            if thing.name not in self.channels and thing.name not in kept:
+                forget(thing)
+                yield
+
+    def write(self, names, frames, poses):
+        """Sets keys of the poses of a bake, and yields after each object."""
+        for i, name in enumerate(names):
+            thing = self.thing(name)
+            if thing:
+                self._key(thing, frames + self.first, *self.channels[name].values(poses[:, i], self.offset))
+                yield
+        yield from self._show()
+        self.frames = len(frames)
+
+    def _key(self, thing, frames, places, turns):
+        bag, past = bag_of(*self.actions.place_for(thing)), self.past.get(thing.name)
+        if past:
+            turns = turns * _sign_after(past, turns[0])
+        set_keys(bag, "location", frames, places, past)
+        set_keys(bag, "rotation_quaternion", frames, turns, past)
+        if thing.name not in self.taken:
+            if not past:
+                self._note_first(thing, int(frames[0]), [*places[0], *turns[0]])
+            self.taken.add(thing.name)
+
+    def _note_first(self, thing, frame, channels):
+        # Rounded to 32 bits like keys, so that a difference is a move by hand.
+        thing[ORIGINAL]["first"] = np.float32(channels).tolist()
+        thing[ORIGINAL]["frame"] = frame
+        if self.channels[thing.name].is_apart:
+            thing[ORIGINAL]["above"] = [value for row in self.channels[thing.name].before for value in row]
+
+    def _show(self):
+        """Makes all objects show their keys, all at once: Blender rebuilds its graph after each change."""
+        if not self.frames:
+            yield WAITING
+        things = filter(None, map(self.thing, self.taken))
+        new = [thing.name for thing in things if assign(thing, *self.actions.place_for(thing))]
+        if new:
+            yield WAITING
+        for name in new:
+            take_over(self.thing(name), self.channels[name])
+
+    def missing(self):
+        """Returns the names of objects that are gone since the export."""
+        return [name for name in self.channels if not self.thing(name)]
+
+    def end(self, last):
+        """Shows the bake from the first frame, in a scene that ends no earlier than it."""
+        self.actions.end()
+        scene = self.scene
+        scene.frame_end = max(scene.frame_end, self.first + int(last))
+        scene.frame_set(scene.frame_current)
+
+
+def apply(context, path):
+    """Puts a bake on the objects that have the names of its bodies; returns how many, and who is missing."""
+    names, times, poses = read_bake(path)
+    scene = context.scene
+    frames, poses = at_frames(times, poses, time_step(scene))
+    channels = channels_of(scene)
+    keys = Keys(scene, {name: channels[name] for name in names if name in channels})
+    for _ in keys.write(names, frames, poses):
+        pass
+    if keys.taken:
+        scene.frame_end = max(scene.frame_start + int(frames[-1]), scene.frame_start)
+        keys.end(0)
+        scene.frame_set(scene.frame_start)
+    return len(keys.taken), [name for name in names if name not in scene.objects]
+
+
+def delete_bake(scene):
+    """Restores all objects of a scene to their state before the bake; returns how many."""
+    contacts.clear(scene)
+    things = baked_things(scene)
+    for thing in things:
+        forget(thing)
+    remove_unused_actions()
+    scene.frame_set(scene.frame_current)
+    return len(things)

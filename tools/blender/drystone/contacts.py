@@ -1,0 +1,137 @@
+"""Contacts of a bake: a mesh of points, of which Geometry Nodes show those of the current frame."""
+
+import bpy
+import numpy as np
+
+from .recordings import write_arrays
+
+NAME = "Drystone Contacts"
+# Mark of the object.
+MARK = "drystone_contacts"
+# Custom property with the names of the bodies, of which `body_a` and `body_b` are the indices.
+BODIES = "bodies"
+# Attributes of the points, with their types.
+ATTRIBUTES = {"frame": "INT", "impulse": "FLOAT", "speed": "FLOAT", "body_a": "INT", "body_b": "INT",
+              "normal": "FLOAT_VECTOR"}
+ARRAYS = ("offsets", "positions", "normals", "impulses", "speeds", "bodies", "times")
+
+
+def read(path, names):
+    """Returns the arrays of a file of contacts of a bake whose bodies have these names."""
+    with np.load(path, allow_pickle=False) as arrays:
+        found = {key: np.asarray(arrays[key]) for key in ARRAYS if key in arrays}
+        found["names"] = np.asarray(arrays["names"]) if "names" in arrays else np.array(names, str)
+    missing = [key for key in ARRAYS if key not in found and key != "speeds"]
+    if missing:
+        raise ValueError(f"{path} has no array {missing[0]!r}; accepted: files of drystone bake --contacts")
+    found.setdefault("speeds", np.zeros(len(found["positions"])))
+    return found
+
+
+def followed_by(first, later, count):
+    """Returns the contacts of the first frames of a bake, and those of another one that goes on from them.
+
+    The initial state of the later one has none.
+    """
+    end = int(first["offsets"][min(count + 1, len(first["offsets"]) - 1)])
+    begin = int(later["offsets"][1])
+    # Bodies by the indices of the later bake; those that it does not have come after these.
+    names = [str(name) for name in later["names"]]
+    names += [str(name) for name in first["names"] if str(name) not in names]
+    places = np.array([names.index(str(name)) for name in first["names"]], int)
+    bodies = first["bodies"][:end]
+    moved = np.where(bodies < 0, bodies, places[np.maximum(bodies, 0)]) if len(places) else bodies
+    offsets = np.concatenate([first["offsets"][:count + 2], later["offsets"][2:] - begin + end])
+    step = later["times"][1] - later["times"][0]
+    return {"names": np.array(names), "offsets": offsets, "times": np.arange(len(offsets) - 1) * step,
+            "bodies": np.concatenate([moved, later["bodies"][begin:]]),
+            **{key: np.concatenate([first[key][:end], later[key][begin:]])
+               for key in ("positions", "normals", "impulses", "speeds")}}
+
+
+def write(path, contacts):
+    write_arrays(path, contacts)
+
+
+def found(scene):
+    """Returns the object with contacts of a scene, or None."""
+    return next((thing for thing in scene.objects if MARK in thing), None)
+
+
+def show(scene, contacts, first, step):
+    """Makes the object with contacts, or renews its points; `first` is the frame of the time 0."""
+    mesh = bpy.data.meshes.new(NAME)
+    count = len(contacts["positions"])
+    mesh.vertices.add(count)
+    mesh.vertices.foreach_set("co", _turned(contacts["positions"]))
+    frames = first + np.round(np.asarray(contacts["times"], float) / step).astype(int)
+    values = {
+        "frame": np.repeat(frames, np.diff(contacts["offsets"])).astype(np.int32),
+        "impulse": np.float32(contacts["impulses"]),
+        "speed": np.float32(contacts["speeds"]),
+        "body_a": np.int32(contacts["bodies"][:, 0]),
+        "body_b": np.int32(contacts["bodies"][:, 1]),
+        "normal": _turned(contacts["normals"]),
+    }
+    for name, kind in ATTRIBUTES.items():
+        attribute = mesh.attributes.new(name, kind, "POINT")
+        attribute.data.foreach_set("vector" if kind == "FLOAT_VECTOR" else "value", values[name])
+    mesh.update()
+    thing = _object(scene)
+    old, thing.data = thing.data, mesh
+    if not old.users:
+        bpy.data.meshes.remove(old)
+    thing[BODIES] = [str(name) for name in contacts["names"]]
+    return thing
+
+
+def clear(scene):
+    """Removes the object with contacts, or its points if the user has given it modifiers."""
+    thing = found(scene)
+    if thing and len(thing.modifiers) > 1:
+        thing.data.clear_geometry()
+    elif thing:
+        mesh, nodes = thing.data, thing.modifiers[0].node_group if thing.modifiers else None
+        bpy.data.objects.remove(thing)
+        for data, of in ((bpy.data.meshes, mesh), (bpy.data.node_groups, nodes)):
+            if of and not of.users:
+                data.remove(of)
+
+
+def _turned(vectors):
+    """Returns vectors of Drystone as numbers of Blender, in one row."""
+    vectors = np.asarray(vectors, np.float32).reshape(-1, 3)
+    return np.stack([vectors[:, 0], -vectors[:, 2], vectors[:, 1]], axis=1).ravel()
+
+
+def _object(scene):
+    thing = found(scene)
+    if not thing:
+        thing = bpy.data.objects.new(NAME, bpy.data.meshes.new(NAME))
+        thing[MARK] = True
+        scene.collection.objects.link(thing)
+        thing.modifiers.new("Current Frame", "NODES").node_group = _nodes()
+    return thing
+
+
+def _nodes():
+    """Returns nodes that leave the points whose attribute `frame` is the current frame."""
+    tree = bpy.data.node_groups.new("Drystone Current Frame", "GeometryNodeTree")
+    for side in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeInputSceneTime", "GeometryNodeInputNamedAttribute",
+             "ShaderNodeMath", "FunctionNodeCompare", "GeometryNodeDeleteGeometry")
+    begin, end, now, own, floor, differs, delete = (tree.nodes.new(kind) for kind in kinds)
+    for i, node in enumerate((begin, now, own, floor, differs, delete, end)):
+        node.location = (180 * i, 0)
+    own.data_type, floor.operation = "INT", "FLOOR"
+    own.inputs["Name"].default_value = "frame"
+    differs.data_type, differs.operation = "INT", "NOT_EQUAL"
+    delete.domain = "POINT"
+    sockets = {socket.identifier: socket for socket in differs.inputs}
+    links = [(now.outputs["Frame"], floor.inputs[0]), (floor.outputs[0], sockets["A_INT"]),
+             (own.outputs["Attribute"], sockets["B_INT"]), (differs.outputs["Result"], delete.inputs["Selection"]),
+             (begin.outputs[0], delete.inputs["Geometry"]), (delete.outputs[0], end.inputs[0])]
+    for link in links:
+        tree.links.new(*link)
+    return tree

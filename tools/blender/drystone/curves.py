@@ -1,0 +1,62 @@
+"""F-curves and drivers of objects."""
+
+import numpy as np
+
+# Properties that place an object. A bake replaces their keys.
+TRANSFORMS = ("location", "rotation_", "delta_location", "delta_rotation_")
+# Properties whose keys release an active body, or hold it.
+HOLDS = ("rigid_body.kinematic", "rigid_body.enabled")
+
+
+def channelbags(action, slot):
+    """Returns the bags of F-curves that an action has for a slot."""
+    if not action or not slot:
+        return []
+    bags = [strip.channelbag(slot) for layer in action.layers for strip in layer.strips]
+    return [bag for bag in bags if bag]
+
+
+def curves_of(owner):
+    """Returns the F-curves of the action of an object or a scene."""
+    data = owner.animation_data
+    bags = channelbags(data.action, data.action_slot) if data else []
+    return [curve for bag in bags for curve in bag.fcurves]
+
+
+def paths_of(owner):
+    """Returns the paths of all properties with keys or drivers, those of NLA strips included."""
+    data = owner.animation_data
+    if not data:
+        return set()
+    curves = curves_of(owner) + list(data.drivers)
+    for strip in (strip for track in data.nla_tracks for strip in track.strips):
+        for bag in channelbags(strip.action, strip.action_slot):
+            curves += bag.fcurves
+    return {curve.data_path for curve in curves}
+
+
+def animates(owner, *prefixes):
+    """Tells whether there are keys or drivers of properties whose paths begin so."""
+    return any(path.startswith(prefixes) for path in paths_of(owner))
+
+
+def is_replaced(path):
+    """Tells whether keys and drivers of a property would act against those of a bake."""
+    mutes = path.startswith("constraints[") and path.endswith((".enabled", ".mute"))
+    return mutes or path.startswith((*TRANSFORMS, *HOLDS))
+
+
+def set_keys(bag, path, frames, values, past=None):
+    """Makes a bag have these keys of one property: a curve per component, straight between keys.
+
+    `past` has frames and values of keys before these, by path and index.
+    """
+    for index in range(values.shape[1]):
+        curve = bag.fcurves.find(path, index=index) or bag.fcurves.new(path, index=index)
+        before = (past or {}).get((path, index), np.zeros((0, 2), np.float32))
+        rows = np.concatenate([before, np.stack([frames, values[:, index]], axis=1).astype(np.float32)])
+        points = curve.keyframe_points
+        points.add(len(rows) - len(points))
+        points.foreach_set("co", rows.ravel())
+        points.foreach_set("interpolation", np.ones(len(rows), np.int32))
+        curve.update()

@@ -1,0 +1,49 @@
+"""Force fields of a scene: wind becomes a constant force and a drag."""
+
+from mathutils import Vector
+
+from .curves import animates
+from .findings import CHANGED, LEFT_OUT
+from .space import frames_per_second
+
+# Settings of a wind that blows the same everywhere, and always.
+STEADY = {"shape": ("PLANE", "POINT", "LINE"), "falloff_type": ("SPHERE",), "falloff_power": (0,),
+          "z_direction": ("BOTH",), "noise": (0,), "use_min_distance": (False,), "use_max_distance": (False,),
+          "use_absorption": (False,)}
+
+
+def fields(scene):
+    """Returns the objects with force fields that reach rigid bodies."""
+    weights = scene.rigidbody_world.effector_weights
+    inside = set(weights.collection.all_objects) if weights.collection else None
+    things = [thing for thing in scene.objects if thing.field and thing.field.type != "NONE"]
+    return [thing for thing in things if inside is None or thing in inside]
+
+
+def is_steady(field):
+    return field.type == "WIND" and all(getattr(field, key) in values for key, values in STEADY.items())
+
+
+class Wind:
+    """The sum of all winds of a scene at its first frame, where a binary takes forces.
+
+    Blender pushes a body with F = s / r n - f v: strength s, rate of frames r, axis n, flow f.
+    """
+
+    def __init__(self, scene, can_push, findings):
+        # [N], [N s/m]
+        self.force, self.drag = Vector(), 0.0
+        weights = scene.rigidbody_world.effector_weights
+        weight = weights.all * weights.wind
+        for thing in fields(scene):
+            field = thing.field
+            if not is_steady(field):
+                findings.add(LEFT_OUT, "force field", " other than steady wind: left out", thing.name)
+            elif not can_push:
+                findings.add(LEFT_OUT, "wind", ": not known to this version of drystone", thing.name)
+            elif field.apply_to_location:
+                axis = thing.matrix_world.to_3x3().col[2].normalized()
+                self.force += axis * (weight * field.strength / frames_per_second(scene))
+                self.drag += weight * field.flow
+                if animates(thing, "field", "rotation_"):
+                    findings.add(CHANGED, "wind", " with keys: as at the first frame", thing.name)

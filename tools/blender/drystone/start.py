@@ -1,0 +1,207 @@
+"""Bakes that begin inside of an earlier one: poses and velocities of its bodies at a frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from mathutils import Quaternion, Vector
+
+from .channels import matrices, to_blender
+from .findings import CHANGED
+from .masses import joined, solid_of
+from .originals import baked_things, keys_until, last_key, shown_apart
+from .recordings import Recording
+from .sampling import in_order, with_values
+from .space import ORIGINAL, pose_of, rigid, time_step, turned, unturned
+
+# Largest distance of a key from a recording of the same bake. [m, or 1]
+SAME = 1e-4
+# Time of rest after which a preview lets bodies sleep. [s]
+REST = 0.5
+
+NO_ARRAYS = " with velocities from keys: the recording has none, as of a stopped bake or of an older drystone"
+NO_RECORDING = " with velocities from keys: no recording fits these"
+WHOLE = " that may have broken before: whole again, as no recording fits the bake"
+
+
+@dataclass
+class State:
+    """A body at the frame at which a bake begins, in Drystone's axes."""
+
+    position: list
+    rotation: list
+    # Velocities of the center of mass [m/s], and about it [rad/s]; None if no recording has them.
+    linear: list = None
+    angular: list = None
+    # True if it has not moved at all since the bake began, and since a while.
+    is_untouched: bool = False
+    is_at_rest: bool = False
+
+
+class Start:
+    """The frame of a bake from which another one goes on, with what the scene shows there."""
+
+    def __init__(self, context, path, lets_sleep=False):
+        scene = context.scene
+        context.view_layer.update()
+        self.frame, self.scene_start = scene.frame_current, scene.frame_start
+        things = [thing for thing in baked_things(scene) if ORIGINAL in thing and "frame" in thing[ORIGINAL]]
+        self.step, self.lets_sleep = time_step(scene), lets_sleep
+        if not things:
+            raise ValueError("Bake from Here goes on with a bake, and no object has one: bake first")
+        self.first = max(min(thing[ORIGINAL]["frame"] for thing in things), scene.frame_start)
+        keyed = max(map(last_key, things))
+        last = min(keyed, scene.frame_end - 1)
+        if not self.first < self.frame <= last:
+            frames = f"from {self.first + 1} to {last}"
+            raise ValueError(f"Bake from Here begins inside of a bake: go to a frame {frames}")
+        # Baked objects that are passive by now follow their keys, as those that are kept.
+        self.kept = frozenset(thing.name for thing in things if thing.rigid_body
+                              and thing.rigid_body.type == "PASSIVE")
+        # Channels of objects that were moved by hand at this frame.
+        self.moves = {thing.name: [*thing.location, *thing.rotation_quaternion]
+                      for thing in things if shown_apart(thing, self.frame)}
+        # Keys before this frame, by name.
+        past = {thing.name: keys_until(thing, self.frame) for thing in things}
+        self.past = {name: keys for name, keys in past.items() if keys and all(map(len, keys.values()))}
+        self.count = self.frame - self.first
+        self.recording = Recording.read(path)
+        if self.recording and not (self.recording.has_step(self.step) and len(self.recording.times) > self.count):
+            self.recording = None
+        self._look(scene, things, (-1, 0, 1) if self.frame < keyed else (-1, 0))
+
+    def _look(self, scene, things, steps):
+        """Notes matrices that are shown now, and those of the keys around this frame."""
+        self._now, self._around = {thing.name: rigid(thing) for thing in things}, {}
+        with with_values([scene.rigidbody_world], "enabled", False):
+            with in_order(scene):
+                for step in steps:
+                    scene.frame_set(self.frame + step)
+                    self._around[step] = {thing.name: rigid(thing) for thing in things}
+            scene.frame_set(self.frame)
+        self.states = {name: self._state(name) for name in self._now}
+
+    def _state(self, name):
+        place = self._recorded(name)
+        still = all(np.ptp(rows[:, 1]) == 0 for rows in self.past.get(name, {}).values())
+        if place is None or name in self.moves:
+            state = State(*pose_of(self._now[name]))
+        else:
+            pose = self.recording.poses[self.count, place].tolist()
+            state = State(pose[:3], pose[3:])
+        state.is_untouched = still
+        if place is not None:
+            poses = self.recording.poses[:self.count + 1, place]
+            rest = max(2, int(np.ceil(REST / self.step)) + 1)
+            state.is_untouched = bool((poses == poses[0]).all())
+            state.is_at_rest = len(poses) >= rest and bool((poses[-rest:] == poses[-1]).all())
+            if self.recording.has_velocities:
+                linear, angular = self.recording.velocities
+                state.linear, state.angular = (of[self.count, place].tolist() for of in (linear, angular))
+        return state
+
+    def _recorded(self, name):
+        """Returns the index of a body in the recording, if its keys are those of the recording; or None."""
+        place = self.recording.place(name) if self.recording else None
+        if place is None:
+            return None
+        for frame in (-1, 0):
+            places, turns = to_blender(self.recording.poses[self.count + frame, place][None])
+            shown = np.array(self._around[frame][name])
+            size = 1 + np.abs(places).max()
+            if np.abs(shown[:3, 3] - places[0]).max() > SAME * size:
+                return None
+            if np.abs(shown[:3, :3] - matrices(turns)[0]).max() > 10 * SAME:
+                return None
+        return place
+
+    def begin(self, shot, abilities):
+        """Makes a scene of the whole range begin at this frame."""
+        document, offset = shot.document, self.frame - self.scene_start
+        document["steps"] -= offset
+        document["extras"]["frame_start"] = self.frame
+        self.lets_sleep = self.lets_sleep and abilities.start_asleep and self._is_as_baked(document)
+        guessed = [body["name"] for body in document["bodies"] if self._body(body, offset)]
+        if guessed:
+            recorded = self.recording and not self.recording.has_velocities
+            shot.findings.add(CHANGED, "object", NO_ARRAYS if recorded else NO_RECORDING, *guessed)
+        for joint in document.get("joints", []):
+            if not self.recording and "breaking" in joint:
+                shot.findings.add(CHANGED, "constraint", WHOLE, joint["name"])
+            elif self.recording and 0 <= self.recording.joints.get(joint["name"], -1) <= self.count:
+                joint["enabled"] = False
+
+    def _is_as_baked(self, document):
+        """Tells whether all that may bear a sleeper is there, and where it was: a sleeper would float without."""
+        if not self.recording or self.moves:
+            return False
+        there = {body["name"]: body for body in document["bodies"]}
+        for i, name in enumerate(self.recording.names):
+            body, pose = there.get(name), self.recording.poses[0, i]
+            if body is None:
+                return False
+            if body["motion"] != "dynamic" and np.abs(pose - [*body["position"], *body["rotation"]]).max() > SAME:
+                return False
+        return True
+
+    def _body(self, body, offset):
+        """Moves a body to this frame; tells whether its velocity follows from keys."""
+        for shape in body["shapes"]:
+            track = shape.get("vertex_track")
+            if track:
+                shape["vertex_track"] = {"times": track["times"][:len(track["times"]) - offset],
+                                         "points": track["points"][offset:]}
+        keys = body.pop("track", [])[offset:]
+        state = self.states.get(body["name"])
+        if keys and (len(keys) > 1 or body["motion"] == "kinematic"):
+            body["track"] = [{**key, "time": i * self.step} for i, key in enumerate(keys)]
+            body |= {key: keys[0][key] for key in ("position", "rotation")}
+            return False
+        if body["motion"] != "dynamic" or state is None:
+            return False
+        body |= {"position": state.position, "rotation": state.rotation}
+        sleeps = body.pop("start_asleep", False) and state.is_untouched
+        if sleeps or self.lets_sleep and state.is_at_rest:
+            body["start_asleep"] = True
+            return False
+        if state.linear is not None:
+            body |= {"linear_velocity": state.linear, "angular_velocity": state.angular}
+            return False
+        # A body that leaves its keys at this frame has their velocity.
+        body |= self._difference(body, 0 if keys else max(self._around))
+        return True
+
+    def _difference(self, body, second):
+        """Returns velocities from the keys of the frame before, and of this frame or the next one."""
+        one, other = self._around[-1][body["name"]], self._around[second][body["name"]]
+        time = (second + 1) * self.step
+        turn = other.to_quaternion() @ one.to_quaternion().inverted()
+        spin = _rotation_vector(turn) / time
+        center = _unturned_center(body)
+        linear = (other @ center - one @ center) / time
+        return {"linear_velocity": turned(linear), "angular_velocity": turned(spin)}
+
+    def merge(self, recording, path):
+        """Writes the earlier recording up to this frame, and a later one from it on.
+
+        Without an earlier one there is none of the whole, so that the file is removed.
+        """
+        later = Recording.read(recording)
+        if later and self.recording:
+            self.recording.followed_by(later, self.count).write(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _rotation_vector(turn):
+    """Returns the axis of a rotation times its angle, which is at most half a turn."""
+    turn = Quaternion(turn if turn.w >= 0 else -turn)
+    axis, angle = turn.to_axis_angle()
+    return axis * angle
+
+
+def _unturned_center(body):
+    """Returns the center of mass of a body in its frame, in Blender's axes."""
+    center = body.get("center_of_mass")
+    if center is None:
+        center = joined([solid_of(shape) for shape in body["shapes"]]).center
+    return Vector(unturned(center))

@@ -1,0 +1,148 @@
+"""Tests of bodies: shapes, numbers of them, rates."""
+
+import json
+import math
+import time
+
+import bpy
+import numpy as np
+from drystone import applying
+
+from .common import PLACE, TURN, add, bake, cube, differences, empty, export, lines
+
+
+def all_shapes():
+    """A scene with every shape, a compound, a parent and an animated body."""
+    scene = empty(last=60)
+    mesh = bpy.ops.mesh
+    add(lambda: mesh.primitive_plane_add(size=20), "PASSIVE", "MESH", "ground", friction=0.8)
+    add(cube(0.5, (0, 0, 2)), "ACTIVE", "BOX", "box", mass=3, friction=0.6, restitution=0.2)
+    long = add(cube(1, (2, 0, 1.5)), "ACTIVE", "BOX", "scaled box")
+    long.scale, long.rotation_euler = (0.2, 0.4, 1.1), (0.3, 0.2, 0.5)
+    add(lambda: mesh.primitive_uv_sphere_add(radius=0.3, location=(-2, 0, 2)), "ACTIVE", "SPHERE", "ball")
+    roll = add(lambda: mesh.primitive_cylinder_add(radius=0.2, depth=0.8, location=(0, 2, 2)), "ACTIVE",
+               "CYLINDER", "roll")
+    roll.rotation_euler = (0, math.pi / 2, 0)
+    add(lambda: mesh.primitive_cylinder_add(radius=0.2, depth=1, location=(0, -2, 2)), "ACTIVE", "CAPSULE",
+        "pill")
+    add(lambda: mesh.primitive_cone_add(radius1=0.4, depth=0.8, location=(3, 2, 2)), "ACTIVE", "CONE", "cone")
+    add(lambda: mesh.primitive_monkey_add(size=0.6, location=(-3, 2, 2)), "ACTIVE", "CONVEX_HULL", "monkey")
+    pusher = add(cube(1, (-6, -4, 0.5)), "PASSIVE", "BOX", "pusher", kinematic=True)
+    for frame, x in ((1, -6), (60, -2)):
+        pusher.location.x = x
+        pusher.keyframe_insert("location", frame=frame)
+    add(cube(0.6, (-3, -4, 0.3)), "ACTIVE", "BOX", "pushed")
+    hammer = add(cube(0.3, (4, -3, 1.5)), "ACTIVE", "COMPOUND", "hammer")
+    for name, place in (("head", (4, -3, 1.5)), ("shaft", (4.4, -3, 1.5))):
+        part = add(cube(0.3, place), "ACTIVE", "BOX", name)
+        part.parent = hammer
+        part.matrix_parent_inverse = hammer.matrix_world.inverted()
+    holder = bpy.data.objects.new("holder", None)
+    holder.location, holder.rotation_euler = (1, 1, 0), (0, 0, 0.7)
+    scene.collection.objects.link(holder)
+    child = add(cube(0.4, (0, 0, 3)), "ACTIVE", "BOX", "child")
+    child.parent = holder
+    add(lambda: mesh.primitive_torus_add(location=(6, 6, 0)), "PASSIVE", "MESH", "ring")
+    add(lambda: mesh.primitive_circle_add(radius=1, location=(6, 0, 0.5), fill_type="NGON"), "PASSIVE",
+        "CONVEX_HULL", "table")
+    add(cube(0.4, (6, 0, 1)), "ACTIVE", "CONVEX_HULL", "cup")
+    bpy.context.view_layer.update()
+    return scene
+
+
+def test_shapes(command, folder):
+    """Every shape is exported, baked, and shown where the bake says."""
+    scene = all_shapes()
+    file = folder / "shapes.json"
+    said = lines(export(file))
+    assert said == ["2 flat passive objects: solid below, so that nothing falls through: 'ground', 'table'"], said
+    document, numbers = bake(command, file, folder / "a.npz", folder / "a.poses")
+    by_name = {body["name"]: body for body in document["bodies"]}
+    assert len(by_name) == 15 and len(by_name["hammer"]["shapes"]) == 2, sorted(by_name)
+    assert by_name["scaled box"]["shapes"][0]["half_extents"] == [0.1, 0.55, 0.2] or np.allclose(
+        by_name["scaled box"]["shapes"][0]["half_extents"], [0.1, 0.55, 0.2])
+    assert len(by_name["pusher"]["track"]) == 60 and by_name["ground"]["motion"] == "static"
+    # In a second a body keeps 0.96 of its velocity and 0.9 of its turning, as Blender has it by default.
+    damped = [math.exp(-by_name["box"][key]) for key in ("linear_damping", "angular_damping")]
+    assert np.allclose(damped, [0.96, 0.9], atol=1e-6), damped
+    assert len(numbers) == 60
+    count, missing = applying.apply(bpy.context, folder / "a.npz")
+    assert (count, missing) == (11, []), (count, missing)
+    place, turn = differences(document, numbers)
+    print(f"shapes: {len(by_name)} bodies, {len(numbers)} frames, off by {place:.1e} m, {turn:.1e} rad")
+    assert place < PLACE and turn < TURN
+    # The objects lie on the ground where their shapes are.
+    low, name = min(((thing.matrix_world @ v.co).z, thing.name) for thing in scene.objects
+                    if thing.type == "MESH" and thing.name != "ring" for v in thing.data.vertices)
+    cup = scene.objects["cup"].matrix_world.translation.z
+    assert abs(cup - 0.7) < 1e-3, cup
+    print(f"shapes: the lowest vertex, of {name}, is at {low * 1e3:.2f} mm")
+    assert low > -2e-3
+    # A second export of what carries a bake is the first.
+    export(folder / "again.json")
+    again = json.loads((folder / "again.json").read_text())
+    motions = [[(body["name"], body["motion"]) for body in of["bodies"]] for of in (document, again)]
+    assert motions[0] == motions[1]
+    assert scene.objects["ground"].animation_data is None
+
+
+def test_thousand(command, folder):
+    """1000 boxes and balls by 240 frames."""
+    scene = empty(last=240)
+    add(lambda: bpy.ops.mesh.primitive_plane_add(size=60), "PASSIVE", "BOX", "ground")
+    bpy.ops.mesh.primitive_cube_add(size=0.4)
+    block = bpy.context.object.data
+    bpy.data.objects.remove(bpy.context.object)
+    things = []
+    for i in range(1000):
+        x, y, z = i % 10, i // 10 % 10, i // 100
+        thing = bpy.data.objects.new(f"thing {i}", block)
+        thing.location = (0.45 * (x - 4.5) + 0.02 * z, 0.45 * (y - 4.5), 0.3 + 0.6 * z)
+        scene.collection.objects.link(thing)
+        things.append(thing)
+    for thing in things:
+        thing.select_set(True)
+    bpy.context.view_layer.objects.active = things[0]
+    bpy.ops.rigidbody.objects_add(type="ACTIVE")
+    for i, thing in enumerate(things):
+        thing.rigid_body.collision_shape = "SPHERE" if i % 3 == 0 else "BOX"
+    bpy.context.view_layer.update()
+
+    start = time.perf_counter()
+    export(folder / "many.json")
+    exported = time.perf_counter()
+    document, numbers = bake(command, folder / "many.json", folder / "b.npz", folder / "b.poses",
+                             "--realtime")
+    baked = time.perf_counter()
+    count, missing = applying.apply(bpy.context, folder / "b.npz")
+    applied = time.perf_counter()
+    assert (count, missing) == (1000, []) and len(numbers) == 240
+    bags = [bag for action in bpy.data.actions for bag in action.layers[0].strips[0].channelbags]
+    assert len(bags) == 1000
+    for bag in bags:
+        for curve in bag.fcurves:
+            frames = [point.co.x for point in curve.keyframe_points]
+            assert frames == list(range(1, 241)), "keys are not at whole frames"
+    place, turn = differences(document, numbers)
+    print(f"thousand: {count} bodies, {len(numbers)} frames, off by {place:.1e} m, {turn:.1e} rad; export "
+          f"{exported - start:.1f} s, bake {baked - exported:.1f} s, keys {applied - baked:.1f} s")
+    assert place < PLACE and turn < TURN
+
+
+def test_other_rates(command, folder):
+    """A bake of 60 steps a second on a scene of 24 frames: keys at whole frames, from its first to its last."""
+    scene = empty(fps=24, last=10)
+    add(cube(1, (0, 0, 3)), "ACTIVE", "BOX", "crate")
+    document = {"steps": 60, "bodies": [
+        {"name": "crate", "position": [0, 3, 0], "angular_velocity": [0, 1, 0],
+         "shapes": [{"type": "box", "half_extents": [0.5, 0.5, 0.5]}]},
+        {"name": "gone", "shapes": [{"type": "sphere", "radius": 0.1}], "position": [9, 0, 0]}]}
+    (folder / "rate.json").write_text(json.dumps(document))
+    bake(command, folder / "rate.json", folder / "c.npz", folder / "c.poses")
+    assert applying.apply(bpy.context, folder / "c.npz") == (1, ["gone"])
+    assert (scene.frame_start, scene.frame_end) == (1, 25)
+    scene.frame_set(25)
+    fallen = 3 - bpy.data.objects["crate"].matrix_world.translation.z
+    turned = bpy.data.objects["crate"].matrix_world.to_euler().z
+    print(f"other rates: after 1 s fallen {fallen:.3f} m, turned {turned:.4f} rad")
+    assert abs(fallen - 9.81 / 2) < 0.02 and abs(turned - 1) < 1e-3

@@ -1,0 +1,301 @@
+"""Tests of findings: nothing of a scene is dropped without a word, and odd bodies do not stop a shot."""
+
+import json
+import math
+
+import bpy
+import numpy as np
+from drystone import baking, exporting
+from drystone.findings import Finding, counted
+
+from .common import (DOWN, UP, add, block, constrain, cube, empty, export, full_bake, heap, in_blender,
+                     lines, stage)
+
+# A binary that knows all keys.
+ALL = exporting.Abilities(start_asleep=True, force=True, release=True)
+
+
+def exported(abilities=exporting.Abilities()):
+    bpy.context.view_layer.update()
+    return exporting.export(bpy.context, abilities)
+
+
+def body_of(shot, name):
+    return next(body for body in shot.document["bodies"] if body["name"] == name)
+
+
+def mesh(name, vertices, faces, kind="ACTIVE", shape="CONVEX_HULL"):
+    """An object of a mesh with a rigid body."""
+    data = bpy.data.meshes.new(name)
+    data.from_pydata(vertices, [], faces)
+    thing = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(thing)
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.rigidbody.object_add(type=kind)
+    thing.rigid_body.collision_shape = shape
+    return thing
+
+
+def test_words(_program, _folder):
+    assert [counted(1, "body"), counted(2, "body"), counted(3, "open mesh"), counted(0, "object")] == [
+        "1 body", "2 bodies", "3 open meshes", "0 objects"]
+    many = Finding("CHANGED", "object", " without faces: left out", [f"o{i}" for i in range(12)])
+    assert many.line() == "12 objects without faces: left out"
+    assert many.sentence().endswith("'o9' and 2 more")
+
+
+CARD = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+
+
+def odd_bodies():
+    """Bodies of which each would stop a bake, and two that are sound."""
+    add(lambda: bpy.ops.mesh.primitive_plane_add(size=20), "PASSIVE", "BOX", "ground")
+    block("crate", (0, 0, 2))
+    for i, shape in enumerate(("CONVEX_HULL", "MESH", "BOX", "SPHERE", "CYLINDER")):
+        thing = mesh(f"card {shape}", CARD, [(0, 1, 2, 3)], shape=shape)
+        thing.location, thing.rotation_euler = (3 * i, 4, 2), (1, 0.3, 0)
+    mesh("wall", [(0, 0, 0), (0, 1, 0), (0, 1, 1), (0, 0, 1), (0, 0.5, 1.5)], [(0, 1, 2, 3)], "PASSIVE")
+    mesh("needle", [(0, 0, 0), (0, 0, 1), (0, 0, 2)], []).location = (0, -9, 1)
+    mesh("empty", [], [])
+    mesh("point", [(0, 0, 0)], [])
+    mesh("faceless", [(0, 0, 0), (1, 0, 0), (0, 1, 1), (1, 1, 2)], [], shape="MESH").location = (0, -6, 5)
+    mesh("doubled", [*CARD], [(0, 1, 2, 3), (3, 2, 1, 0)], shape="MESH").location = (0, 9, 5)
+    mesh("nowhere", CARD, [(0, 1, 2, 3)]).location.x = math.nan
+    mesh("crushed", CARD, [(0, 1, 2, 3)]).scale = (0, 0, 0)
+    mesh("hollow", CARD, [(0, 1, 2, 3)], shape="COMPOUND")
+    corner = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    mesh("open", corner, [(0, 1, 2), (0, 1, 3)], shape="MESH").location = (-5, 0, 4)
+
+
+def test_odd_bodies_do_not_stop_a_shot(program, folder):
+    """All that has no shape is left out by name; flat things get a thickness; the rest is baked."""
+    scene = empty(last=12)
+    odd_bodies()
+    constrain("FIXED", scene.objects["crate"], scene.objects["empty"], name="glue")
+    run, document, _ = full_bake(program, folder)
+    said = lines(run.shot)
+    for line in ("1 object without a mesh: left out: 'empty'",
+                 "1 object without faces: left out: 'faceless'",
+                 "1 object without parts: left out: 'hollow'",
+                 "1 active open mesh: solid as the convex hull: 'open'",
+                 "1 constraint of an object that is no body of the bake: left out: 'glue'"):
+        assert line in said, (line, said)
+    sizeless = next(of for of in run.shot.findings if "without a size" in of.text)
+    assert sizeless.names == ["nowhere", "crushed", "point"], sizeless
+    flat = next(of for of in run.shot.findings if of.noun == "flat object")
+    assert flat.names == ["card CONVEX_HULL", "card MESH", "card BOX", "card CYLINDER", "wall", "needle",
+                          "doubled"], flat
+    assert len(document["bodies"]) == 11 and set(run.shot.channels) == {
+        body["name"] for body in document["bodies"]} - {"ground", "wall"}
+    points = np.array(body_of(run.shot, "card CONVEX_HULL")["shapes"][0]["points"])
+    assert 0.0099 < np.ptp(points, axis=0).min() < 0.0142, np.ptp(points, axis=0)
+    print(f"findings: {len(document['bodies'])} of 18 odd bodies are baked; {len(said)} remarks")
+
+
+def test_refused_bodies_are_named(program, folder):
+    """A body that drystone refuses is left out by name, with the reason."""
+    empty(last=12)
+    block("crate", (0, 0, 2))
+    block("heavy", (4, 0, 2), mass=1)
+    wall = block("wall", (8, 0, 0), "PASSIVE")
+    constrain("FIXED", bpy.data.objects["heavy"], wall, name="glue")
+    run = baking.Bake(bpy.context, program, baking.Options(), folder)
+    body_of(run.shot, "heavy")["mass"] = -1
+    run.finish()
+    found = {of.text: of for of in run.shot.findings}
+    assert found[" that Drystone refuses: left out"].names == ["heavy"]
+    assert found[" that Drystone refuses: left out"].detail.startswith("mass of body 'heavy' is -1")
+    assert found[" of an object that is no body of the bake: left out"].names == ["glue"]
+    assert run.said[0] == "1 body baked" and run.error == ""
+    run = baking.Bake(bpy.context, program, baking.Options(), folder)
+    shape = body_of(run.shot, "crate")["shapes"][0]
+    corners = [[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    shape.update({"type": "trimesh", "vertices": corners, "triangles": []})
+    del shape["half_extents"]
+    run.finish()
+    found = {of.text: of for of in run.shot.findings}
+    assert found[" with an unusable mesh: solid as the convex hull"].names == ["crate"]
+    assert body_of(run.shot, "crate")["shapes"][0]["type"] == "convex_hull" and "2 bodies" in run.said[0]
+
+
+def test_problems_name_objects(program, folder):
+    """Findings of `drystone check` name objects, never a file."""
+    empty(last=12)
+    block("lower", (0, 0, 0.5))
+    block("upper", (0, 0, 1.2))
+    block("third", (0, 0, 1.8))
+    run, _, _ = full_bake(program, folder)
+    overlap = next(of for of in run.shot.findings if of.kind == "PROBLEM")
+    assert overlap.line() == "3 objects in overlap at the start: pushed apart", lines(run.shot)
+    assert {"lower", "upper", "third"} == set(overlap.names), overlap
+    assert str(folder) not in overlap.detail and ".json" not in overlap.detail and "mm" in overlap.detail
+    assert not any(str(folder) in line or ".json" in line for line in run.said), run.said
+
+
+def test_many_problems(program, folder):
+    """Words of the program fit, however many: a full pipe does not stop it."""
+    scene = heap(400, last=2)
+    for i, thing in enumerate(thing for thing in scene.objects if thing.name != "ground"):
+        thing.name, thing.location = f"a rather long name of a crate in a row of crates {i}", (i * 0.2, 0, 9)
+    bpy.context.view_layer.update()
+    run, _, _ = full_bake(program, folder)
+    overlap = next(of for of in run.shot.findings if of.kind == "PROBLEM")
+    assert len(overlap.names) == 400
+
+
+def everything():
+    """A scene with all that a bake does not take over, or has otherwise."""
+    scene = empty(last=12)
+    world = scene.rigidbody_world
+    block("crate", (0, 0, 3))
+    world.collection.objects.unlink(block("outside", (5, 0, 3)))
+    block("hidden", (10, 0, 3)).hide_viewport = True
+    excluded = bpy.data.collections.new("excluded")
+    scene.collection.children.link(excluded)
+    thing = block("excluded", (15, 0, 3))
+    scene.collection.objects.unlink(thing)
+    excluded.objects.link(thing)
+    bpy.context.view_layer.layer_collection.children["excluded"].exclude = True
+    block("slippery", (20, 0, 3)).rigid_body.keyframe_insert("friction", frame=1)
+    thing = block("grows", (25, 0, 3))
+    thing.keyframe_insert("scale", frame=1)
+    block("soft", (30, 0, 3), use_margin=True, collision_margin=0.1).rigid_body.use_deform = True
+    block("cloth", (35, 0, 3)).modifiers.new("Cloth", "CLOTH")
+    block("jelly", (40, 0, 3)).modifiers.new("Jelly", "SOFT_BODY")
+    block("dust", (45, 0, 3)).modifiers.new("Dust", "PARTICLE_SYSTEM")
+    thing = block("slides", (50, 0, 3), "PASSIVE")
+    for frame, place in ((12, (50, 1, 3)), (1, (50, 0, 3))):
+        thing.location = place
+        thing.keyframe_insert("location", frame=frame)
+    follower = block("follows", (51, 0, 9), "PASSIVE").constraints.new("CHILD_OF")
+    follower.target = thing
+    block("does not", (52, 0, 9), "PASSIVE").keyframe_insert("location", frame=1)
+    thing.rigid_body.keyframe_insert("kinematic", frame=1)
+    block("asleep", (55, 0, 3), use_deactivation=True, use_start_deactivated=True)
+    for kind in ("TURBULENCE", "WIND"):
+        bpy.ops.object.effector_add(type=kind, location=(0, 50, 0))
+        bpy.context.object.name = kind.lower()
+    scene.keyframe_insert("gravity", frame=1)
+    return scene
+
+
+SAID = [
+    "1 force field other than steady wind: left out: 'turbulence'",
+    "1 wind: not known to this version of drystone: 'wind'",
+    "1 object with Start Deactivated: not known to this version of drystone: 'asleep'",
+    "2 passive objects moved but not Animated: still: 'slides', 'follows'",
+    "1 passive object with keys of Animated: as at the first frame: 'slides'",
+    "1 object outside of the rigid body world's collection: left out: 'outside'",
+    "2 objects hidden or excluded: part of the bake, as in Blender: 'hidden', 'excluded'",
+    "1 object with keys of rigid body settings: the values at the first frame hold: 'slippery'",
+    "1 object with keys of scale: of the size at the first frame: 'grows'",
+    "1 object with a mesh that deforms: of the shape at the first frame: 'soft'",
+    "1 object with a collision margin: without margin: 'soft'",
+    "1 object with cloth: without effect on the bake: 'cloth'",
+    "1 object with soft body: without effect on the bake: 'jelly'",
+    "1 object with particles: without effect on the bake: 'dust'",
+    "1 scene with keys of gravity or rigid body world: the values at the first frame hold: 'Scene'",
+]
+
+
+def test_everything_is_said(_program, _folder):
+    """One line for each kind, once; lines on missing keys vanish with a program that knows them."""
+    everything()
+    said = lines(exported())
+    assert sorted(said) == sorted(SAID), set(said) ^ set(SAID)
+    shot = exported(ALL)
+    assert sorted(lines(shot)) == sorted(line for line in SAID if "this version" not in line)
+    assert body_of(shot, "asleep")["start_asleep"] and "start_asleep" not in body_of(shot, "crate")
+    assert "force" in body_of(shot, "crate")
+
+
+def test_world_as_in_blender(program, folder):
+    """Speed, gravity weight and damping move a body as in Blender."""
+    for settings in ({"time_scale": 0.5}, {"gravity": 0.5}, {"all": 0.25}, {"time_scale": 2.0}):
+        scene = stage(DOWN, 20)
+        world = scene.rigidbody_world
+        for key, value in settings.items():
+            setattr(world if hasattr(world, key) else world.effector_weights, key, value)
+        block("crate", (0, 0, 3))
+        shown = in_blender()[-1, 0, 2, 3]
+        _, _, poses = full_bake(program, folder)
+        off = abs(poses[-1, 0, 1] - shown)
+        print(f"findings: {settings}: fallen {3 - shown:.3f} m, off Blender by {off * 1e3:.2f} mm")
+        assert off < 0.02 * (3 - shown) and 3 - shown > 0.1
+
+
+def test_wind_as_in_blender(program, folder):
+    """A wind pushes with strength / frame rate, and drags with its flow."""
+    for strength, flow, mass in ((50, 0, 1), (50, 1, 1), (200, 0.5, 3)):
+        scene = stage((0, 0, 0), 25)
+        bpy.ops.object.effector_add(type="WIND", rotation=(0.4, math.pi / 2, 0.3))
+        field = bpy.context.object.field
+        field.strength, field.flow = strength, flow
+        scene.rigidbody_world.effector_weights.wind = 0.5
+        block("crate", (0, 0, 3), mass=mass)
+        shown = in_blender()[:, 0, :3, 3]
+        scene.frame_set(1)
+        shot = exported(ALL)
+        body = body_of(shot, "crate")
+        rate, times = body["linear_damping"], np.arange(25) / 24
+        force = UP @ body["force"] / mass
+        fallen = times**2 / 2 if rate == 0 else (times - (1 - np.exp(-rate * times)) / rate) / rate
+        off = np.abs(shown - shown[0] - fallen[:, None] * force).max()
+        moved = np.abs(shown - shown[0]).max()
+        print(f"findings: wind of {strength} and flow {flow} moves {mass} kg by {moved:.3f} m, off by "
+              f"{off * 1e3:.2f} mm")
+        assert off < 0.02 * moved and moved > 0.1
+        _, _, poses = full_bake(program, folder)
+        assert np.abs(poses[:, 0, :3] @ UP.T - shown).max() < 0.02 * moved
+
+
+def test_sources_and_compounds(_program, _folder):
+    """Deforming sources leave out modifiers that make vertices; compounds in compounds are flat."""
+    empty(last=12)
+    for i, source in enumerate(("BASE", "DEFORM", "FINAL")):
+        thing = block(source, (4 * i, 0, 2), mesh_source=source)
+        thing.modifiers.new("Array", "ARRAY").count = 3
+        thing.modifiers.new("Cast", "CAST").factor = 0
+        thing.modifiers["Cast"].use_x = True
+        displace = thing.modifiers.new("Displace", "DISPLACE")
+        displace.direction, displace.strength = "X", 1.0
+    outer = add(cube(0.3, (0, 5, 2)), "ACTIVE", "COMPOUND", "outer")
+    inner = add(cube(0.3, (1, 5, 2)), "ACTIVE", "COMPOUND", "inner")
+    inner.parent, inner.matrix_parent_inverse = outer, outer.matrix_world.inverted()
+    leaves = [add(cube(0.3, (x, 5, 2)), "ACTIVE", "BOX", f"leaf {x}") for x in (1, 2)]
+    bpy.context.view_layer.update()
+    for leaf, parent in zip(leaves, (outer, inner)):
+        leaf.parent, leaf.matrix_parent_inverse = parent, parent.matrix_world.inverted()
+    constrain("POINT", block("wall", (0, 9, 0), "PASSIVE"), leaves[1], name="hinge")
+    shot = exported()
+    extents = {name: body_of(shot, name)["shapes"][0]["half_extents"][0] for name in ("BASE", "DEFORM", "FINAL")}
+    middles = {name: body_of(shot, name)["shapes"][0]["position"][0] for name in extents}
+    assert np.allclose([extents["BASE"], extents["DEFORM"], extents["FINAL"]], [0.5, 0.5, 1.5]), extents
+    assert np.isclose(middles["BASE"], 0) and np.isclose(middles["DEFORM"], 0.5), middles
+    assert bpy.data.objects["DEFORM"].modifiers["Array"].show_viewport
+    assert len(body_of(shot, "outer")["shapes"]) == 2
+    assert np.allclose([shape["position"][0] for shape in body_of(shot, "outer")["shapes"]], [2, 1])
+    assert shot.document["joints"][0]["bodies"] == ["outer", "wall"]
+    assert "inner" not in {body["name"] for body in shot.document["bodies"]}
+
+
+def test_exports_leave_a_scene_as_it_is(_program, folder):
+    """Frame, world and modifiers stay, also after an error."""
+    scene = everything()
+    scene.frame_set(7)
+    members = len(scene.rigidbody_world.collection.objects)
+    export(folder / "a.json")
+    assert scene.frame_current == 7 and scene.rigidbody_world.enabled
+    assert len(scene.rigidbody_world.collection.objects) == members
+    own = exporting.JointExporter
+    exporting.JointExporter = lambda *_: 1 / 0
+    try:
+        export(folder / "b.json")
+        assert False, "no error"
+    except ZeroDivisionError:
+        pass
+    finally:
+        exporting.JointExporter = own
+    assert scene.frame_current == 7 and scene.rigidbody_world.enabled
+    assert len(scene.rigidbody_world.collection.objects) == members
+    assert json.loads((folder / "a.json").read_text())["bodies"]

@@ -1,0 +1,374 @@
+"""Tests of keys: what other keys an object keeps, where odd objects are shown, and how a bake is deleted."""
+
+import math
+
+import bpy
+import numpy as np
+from drystone import applying, baking, exporting, originals
+from drystone.curves import curves_of
+from drystone.space import rigid
+from mathutils import Matrix
+
+from .common import UP, add, axes, cube, empty, export, full_bake, lines
+
+# Largest distance of a shown body from its bake. [m], [rad]
+PLACE, TURN = 1e-5, 1e-4
+
+
+def off_bake(run, poses, names=None):
+    """Returns how far Blender shows bodies from a bake, over all frames. [m], [rad]"""
+    scene = bpy.context.scene
+    bodies = [body["name"] for body in run.shot.document["bodies"]]
+    place = turn = 0.0
+    for frame in range(scene.frame_start, scene.frame_end + 1):
+        scene.frame_set(frame)
+        for i, name in enumerate(bodies):
+            if names is None and name not in run.shot.channels or names and name not in names:
+                continue
+            shown = np.array(rigid(scene.objects[name]))
+            wanted = poses[frame - scene.frame_start, i].astype(float)
+            place = max(place, np.abs(shown[:3, 3] - UP @ wanted[:3]).max())
+            x, y, z, w = wanted[3:]
+            apart = shown[:3, :3] - UP @ axes(w, x, y, z) @ UP.T
+            turn = max(turn, np.linalg.norm(apart) / math.sqrt(2))
+    return place, turn
+
+
+def tilted(name, place, **more):
+    """An active crate that starts askew."""
+    thing = add(cube(0.6, place), "ACTIVE", "BOX", name)
+    thing.rotation_euler = (0.4, 0.3, 0.2)
+    for key, value in more.items():
+        setattr(thing, key, value)
+    return thing
+
+
+def holder(name, kind=None, **more):
+    """An empty to be a parent."""
+    thing = bpy.data.objects.new(name, None)
+    bpy.context.scene.collection.objects.link(thing)
+    for key, value in more.items():
+        setattr(thing, key, value)
+    return thing
+
+
+def ground():
+    return add(lambda: bpy.ops.mesh.primitive_plane_add(size=60), "PASSIVE", "BOX", "ground")
+
+
+def keyed(thing, path, *values, index=-1):
+    """Keys a property at frames 1, 20, 40, ..."""
+    for i, value in enumerate(values):
+        setattr(thing, path, value)
+        thing.keyframe_insert(path, index=index, frame=max(1, 20 * i))
+
+
+def odd_things():
+    """Objects whose channels differ from the pose of their body, each in another way."""
+    tilted("mirrored", (0, 0, 2), scale=(-1, 1.2, 0.7))
+    tilted("mirrored twice", (2, 0, 2), scale=(-1, -0.5, 0.7))
+    tilted("deltas", (4, 0, 1.5), delta_location=(0.1, 0.2, 0.5), delta_rotation_euler=(0.1, 0.5, 0.2),
+           delta_scale=(1, 2, 1), delta_rotation_quaternion=(0.9, 0.1, 0.3, 0.2))
+    tilted("axis and angle", (6, 0, 2), rotation_mode="AXIS_ANGLE").rotation_axis_angle = (0.7, 0.3, 0.2, 0.5)
+    tilted("quaternion", (8, 0, 2), rotation_mode="QUATERNION").rotation_quaternion = (0.7, 0.3, 0.2, 0.5)
+    arm = holder("arm")
+    keyed(arm, "location", (0, 4, 0), (1, 5, 1), (4, 4, 0))
+    keyed(arm, "rotation_euler", (0, 0, 0), (1, 0, 2), (0, 1, 0.3))
+    tilted("below an animated one", (0, 0, 2)).parent = arm
+    big = holder("big", scale=(2, 2, 2), rotation_euler=(0.3, 0, 0))
+    tilted("below a large one", (1, 4, 1)).parent = big
+    carrier = tilted("carrier", (-4, 0, 2), scale=(0.5, 1, 2))
+    carrier.scale = (1.5, 1.5, 1.5)
+    between = holder("between", location=(0.3, 0.2, 0.1), rotation_euler=(0.5, 0.1, 0), parent=carrier)
+    tilted("carried", (0, 0, 1.5)).parent = between
+    platform = add(cube(2, (0, -8, 0)), "PASSIVE", "BOX", "platform", kinematic=True)
+    keyed(platform, "location", (0, -8, 0), (2, -8, 0.5), (4, -9, 0))
+    tilted("rider", (0.2, 0.1, 2)).parent = platform
+    tilted("child", (0, 0, 1.2)).parent = carrier
+    driven = tilted("driven", (-6, 0, 2))
+    driver = driven.driver_add("location", 0).driver
+    driver.type, driver.expression = "SCRIPTED", "-6 + frame / 100"
+    target = holder("target", location=(-8, 3, 3))
+    tied = tilted("constrained", (-8, 0, 2))
+    of = tied.constraints.new("COPY_LOCATION")
+    of.target, of.influence = target, 0.5
+    keyed(of, "influence", 0.5, 1.0)
+    keyed(tilted("moving deltas", (-10, 0, 2)), "delta_location", (0, 0, 0), (1, 1, 1))
+
+
+def rigged():
+    """An object below a bone, one below a vertex, and one whose keys are in an NLA strip."""
+    armature = bpy.data.objects.new("rig", bpy.data.armatures.new("rig"))
+    bpy.context.scene.collection.objects.link(armature)
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = armature.data.edit_bones.new("bone")
+    bone.head, bone.tail = (0, 12, 0), (0.3, 12, 1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bone = armature.pose.bones["bone"]
+    bone.rotation_mode = "XYZ"
+    for frame, angle in ((1, 0), (30, 1)):
+        bone.rotation_euler = (angle, 0.2, 0)
+        bone.keyframe_insert("rotation_euler", frame=frame)
+    below = tilted("below a bone", (0.5, 0.5, 1))
+    below.parent, below.parent_type, below.parent_bone = armature, "BONE", "bone"
+    mesh = bpy.data.objects.new("mesh", bpy.data.meshes["Cube"])
+    bpy.context.scene.collection.objects.link(mesh)
+    keyed(mesh, "location", (5, 12, 0), (5, 14, 1))
+    below = tilted("below a vertex", (0.5, 0.5, 1))
+    below.parent, below.parent_type, below.parent_vertices = mesh, "VERTEX", (3, 3, 3)
+    thing = tilted("in a strip", (10, 12, 2))
+    keyed(thing, "location", (10, 12, 2), (12, 12, 4))
+    keyed(thing, "rotation_euler", (0, 0, 1), (1, 1, 1))
+    data = thing.animation_data
+    action, slot = data.action, data.action_slot
+    strip = data.nla_tracks.new().strips.new("strip", 1, action)
+    strip.action_slot = slot
+    data.action = None
+
+
+def test_rigs(program, folder):
+    """Objects below bones and vertices, and of NLA strips, are shown where the bake says, and restored."""
+    scene = empty(last=30)
+    ground()
+    rigged()
+    scene.frame_set(1)
+    active = [thing for thing in scene.objects if thing.rigid_body and thing.rigid_body.type == "ACTIVE"]
+    before = {thing.name: state(thing) for thing in active}
+    run, _, poses = full_bake(program, folder)
+    place, turn = off_bake(run, poses)
+    print(f"keys: {len(active)} objects of rigs are off by {place:.1e} m and {turn:.1e} rad")
+    assert place < PLACE and turn < TURN and len(active) == 3
+    applying.delete_bake(scene)
+    scene.frame_set(1)
+    assert {thing.name: state(thing) for thing in active} == before
+
+
+def test_odd_objects(program, folder):
+    """Mirrored, below parents, driven, constrained: shown where the bake says, at each frame."""
+    empty(last=40)
+    ground()
+    odd_things()
+    bpy.context.view_layer.update()
+    run, document, poses = full_bake(program, folder)
+    assert len(run.shot.channels) == 14, sorted(run.shot.channels)
+    place, turn = off_bake(run, poses)
+    print(f"keys: 14 odd objects are off by {place:.1e} m and {turn:.1e} rad")
+    assert place < PLACE and turn < TURN
+    for line in ("1 object with object constraints: off while baked: 'constrained'",
+                 "3 objects below another body or an uneven parent: without a parent while baked: 'carried', "
+                 "'rider', 'child'"):
+        assert line in lines(run.shot), lines(run.shot)
+    # The second bake starts from the same places.
+    shot = export(folder / "again.json")
+    again = shot.document
+    said = [of.sentence() for of in run.shot.findings if of.kind != "PROBLEM"]
+    assert lines(shot) == said, (lines(shot), said)
+    for one, other in zip(document["bodies"], again["bodies"]):
+        assert np.allclose(one["position"], other["position"], atol=1e-6), one["name"]
+        assert np.allclose(one["rotation"], other["rotation"], atol=1e-6), one["name"]
+
+
+def test_shear_is_told(program, folder):
+    """A sheared body is where it should be, but cannot be turned exactly; below other uneven parents it is."""
+    empty(last=20)
+    ground()
+    squashed = holder("squashed", scale=(1, 2, 0.5), rotation_euler=(0, 0, 0.3))
+    tilted("sheared", (1, 0, 1)).parent = squashed
+    tilted("upright", (4, 0, 5), rotation_euler=(0, 0, 0), scale=(-1, 1, 2)).parent = squashed
+    grown = tilted("below a growing one", (8, 0, 2))
+    grown.parent = holder("growing")
+    keyed(grown.parent, "scale", (1, 1, 1), (2, 2, 2))
+    bpy.context.view_layer.update()
+    start = np.array(bpy.data.objects["upright"].matrix_world)
+    run, _, poses = full_bake(program, folder)
+    for line in ("1 object sheared by a parent: turned approximately: 'sheared'",
+                 "2 objects below another body or an uneven parent: without a parent while baked: 'upright', "
+                 "'below a growing one'"):
+        assert line in lines(run.shot), lines(run.shot)
+    place, turn = off_bake(run, poses, ["sheared"])
+    print(f"keys: a sheared object is off by {place:.1e} m and {turn:.1e} rad")
+    assert place < PLACE
+    place, turn = off_bake(run, poses, ["upright", "below a growing one"])
+    assert place < PLACE and turn < TURN, (place, turn)
+    applying.delete_bake(bpy.context.scene)
+    bpy.context.scene.frame_set(1)
+    assert np.allclose(bpy.data.objects["upright"].matrix_world, start, atol=1e-6)
+
+
+def state(thing):
+    """All that a bake may change of an object."""
+    data = thing.animation_data
+    return {"values": [list(getattr(thing, key)) if key != "rotation_mode" else getattr(thing, key)
+                       for key in originals.VALUES],
+            "kinematic": thing.rigid_body.kinematic,
+            "constraints": [of.enabled for of in thing.constraints],
+            "drivers": [of.mute for of in data.drivers] if data else None,
+            "action": data and data.action and data.action.name,
+            "slot": data and data.action_slot and data.action_slot.identifier,
+            "blending": data and (data.action_blend_type, data.action_influence),
+            "curves": [(curve.data_path, curve.array_index, [tuple(point.co) for point in curve.keyframe_points])
+                       for curve in curves_of(thing)],
+            "parent": (thing.parent and thing.parent.name, thing.parent_type),
+            "inverse": [list(row) for row in thing.matrix_parent_inverse],
+            "scale": list(thing.scale), "properties": sorted(thing.keys())}
+
+
+def test_other_keys_stay(program, folder):
+    """Scale, visibility and custom properties keep their keys; deleting the bake restores everything."""
+    scene = empty(last=40)
+    ground()
+    odd_things()
+    places = {"plain": -4, "shared": -6, "own": -8, "blended": -10}
+    things = [tilted(name, (0, y, 2)) for name, y in places.items()]
+    for thing in things[1:]:
+        keyed(thing, "scale", (1, 1, 1), (1, 1, 2))
+        keyed(thing, "hide_render", False, True)
+        thing["glow"] = 1.0
+        for frame, value in ((1, 1.0), (20, 5.0)):
+            thing["glow"] = value
+            thing.keyframe_insert('["glow"]', frame=frame)
+    keyed(things[2], "location", (0, -8, 2), (0, -8, 9))
+    things[2]["x" * 60] = 1.0
+    things[2].driver_add(f'["{"x" * 60}"]').driver.expression = "frame"
+    # Two objects of one action and one slot.
+    data = things[1].animation_data
+    own = things[0].animation_data_create()
+    own.action, own.action_slot = data.action, data.action_slot
+    things[3].animation_data.action_blend_type, things[3].animation_data.action_influence = "ADD", 0.5
+    scene.frame_set(1)
+    active = [thing for thing in scene.objects if thing.rigid_body and thing.rigid_body.type == "ACTIVE"]
+    before, actions = {thing.name: state(thing) for thing in active}, len(bpy.data.actions)
+    run, _, poses = full_bake(program, folder)
+    place, turn = off_bake(run, poses, run.shot.channels.keys() - {thing.name for thing in things[1:]})
+    assert place < PLACE and turn < TURN, (place, turn)
+    for frame, glow in ((1, 1.0), (20, 5.0)):
+        scene.frame_set(frame)
+        assert all(thing["glow"] == glow for thing in things[1:]), [thing["glow"] for thing in things[1:]]
+    assert [thing.hide_render for thing in things[1:]] == [True] * 3
+    assert [round(thing.scale.z, 3) for thing in things[1:]] == [2] * 3
+    assert sum("with keys of scale: of the size at the first frame" in line for line in lines(run.shot)) == 1
+    scene.frame_set(33)
+    applying.delete_bake(scene)
+    scene.frame_set(1)
+    for thing in active:
+        assert state(thing) == before[thing.name], (thing.name, state(thing), before[thing.name])
+    assert len(bpy.data.actions) == actions
+    print(f"keys: {len(active)} objects restored, {actions} actions as before")
+
+
+def test_moved_since(program, folder):
+    """A thing that is moved starts from its new place; frames and bakes do not lose the old one."""
+    scene = empty(last=20)
+    ground()
+    crate, other = tilted("crate", (0, 0, 2)), tilted("other", (3, 0, 2))
+    far = tilted("far", (4321.1234, 0.1, 2), rotation_mode="ZYX")
+    far.rotation_euler = (7, 0.1, 0.2)
+    child = tilted("child", (0, 6, 2))
+    child.parent = crate
+    child.matrix_parent_inverse = Matrix(((1, 0, 0, 1), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
+    bpy.context.view_layer.update()
+    started = [*other.location, *other.rotation_euler]
+    full_bake(program, folder)
+    scene.frame_start, scene.frame_end = 8, 30
+    scene.frame_set(25)
+    full_bake(program, folder)
+    document = export(folder / "third.json").document
+    assert np.allclose(document["bodies"][1]["position"], [0, 2, 0], atol=1e-6)
+    # By hand, at a frame in between, and by a key at the first frame.
+    scene.frame_set(12)
+    crate.location = (0, 5, 4)
+    child.location = (9, 1, 6)
+    child.rotation_quaternion = (0.6, 0, 0.8, 0)
+    for curve in curves_of(other):
+        if (curve.data_path, curve.array_index) == ("location", 0):
+            curve.keyframe_points[0].co.y = 7
+    export(folder / "fourth.json")
+    assert np.allclose(crate.location, (0, 5, 4)) and scene.frame_current == 12
+    _, document, _ = full_bake(program, folder)
+    assert np.allclose(document["bodies"][1]["position"], [0, 4, -5], atol=1e-6), document["bodies"][1]
+    assert np.allclose(document["bodies"][2]["position"], [7, 2, 0], atol=1e-6), document["bodies"][2]
+    # Its parent takes it along, by 5 m and 2 m.
+    body = document["bodies"][4]
+    assert np.allclose(body["position"], [9, 6 + 2, -1 - 5], atol=1e-5), body
+    assert np.allclose(body["rotation"], [0, 0, -0.8, 0.6], atol=1e-5), body
+    applying.delete_bake(scene)
+    assert np.allclose(far.rotation_euler, (7, 0.1, 0.2)) and far.rotation_mode == "ZYX"
+    assert child.parent == crate and np.array(child.matrix_parent_inverse)[:3].tolist() == [
+        [1, 0, 0, 1], [0, 0, 1, 0], [0, -1, 0, 0]]
+    assert child.rotation_mode == "XYZ"
+    assert np.allclose(crate.location, (0, 5, 4)) and crate.rotation_mode == "XYZ"
+    assert np.allclose(list(other.location)[1:] + list(other.rotation_euler), started[1:], atol=1e-6)
+    print("keys: moved objects start from their new places")
+
+
+def test_no_longer_active(program, folder):
+    """A baked object that becomes passive loses the keys of its bake with the next one."""
+    scene = empty(last=20)
+    ground()
+    crate = tilted("crate", (0, 0, 2))
+    tilted("other", (3, 0, 2))
+    full_bake(program, folder)
+    crate.rigid_body.type = "PASSIVE"
+    run, document, _ = full_bake(program, folder)
+    assert list(run.shot.channels) == ["other"] and document["bodies"][1]["motion"] == "static"
+    scene.frame_set(20)
+    assert np.allclose(crate.matrix_world.translation, (0, 0, 2)) and crate.animation_data is None
+    assert not exporting.is_held(crate)
+
+
+def test_saved_and_loaded(program, folder):
+    """The state before a bake is in the file; a linked object is told."""
+    scene = empty(last=20)
+    ground()
+    crate = tilted("crate", (0, 0, 2))
+    keyed(crate, "scale", (1, 1, 1), (1, 1, 2))
+    keyed(crate, "location", (0, 0, 2), (0, 0, 5))
+    scene.frame_set(1)
+    before = state(crate)
+    full_bake(program, folder)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(folder / "shot.blend"))
+    scene, crate = bpy.context.scene, bpy.data.objects["crate"]
+    assert state(crate) != before
+    applying.delete_bake(scene)
+    scene.frame_set(1)
+    assert state(crate) == before
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "other.blend"))
+    with bpy.data.libraries.load(str(folder / "shot.blend"), link=True) as (source, target):
+        target.objects = ["crate"]
+    linked = target.objects[0]
+    bpy.data.objects.remove(crate)
+    scene.collection.objects.link(linked)
+    scene.rigidbody_world.collection.objects.link(linked)
+    bpy.context.view_layer.update()
+    assert "1 object linked from another file: no keys, unless made local: 'crate'" in lines(
+        export(folder / "linked.json"))
+
+
+def test_only_selected(program, folder):
+    """A selection is baked again; the others keep their keys and push it."""
+    scene = empty(last=30)
+    ground()
+    lower, upper = tilted("lower", (0, 0, 1)), tilted("upper", (0.1, 0, 2.5))
+    still, child = tilted("still", (5, 0, 1)), tilted("child", (0, 0, 1.5))
+    child.parent = lower
+    bpy.context.view_layer.update()
+    run, _, poses = full_bake(program, folder)
+    applying.delete_bake(scene)
+    child.select_set(True)
+    still.select_set(False)
+    _, _, poses = full_bake(program, folder)
+    keys = [tuple(point.co) for curve in curves_of(lower) for point in curve.keyframe_points]
+    originals.forget(still)
+    for thing in scene.objects:
+        thing.select_set(thing in (upper, child))
+    run, document, again = full_bake(program, folder, baking.Options(only_selected=True))
+    bodies = {body["name"]: body for body in document["bodies"]}
+    assert sorted(run.shot.channels) == ["child", "upper"]
+    assert bodies["lower"]["motion"] == "kinematic" and len(bodies["lower"]["track"]) == 30
+    assert "1 object neither selected nor baked: still: 'still'" in lines(run.shot), lines(run.shot)
+    assert keys == [tuple(point.co) for curve in curves_of(lower) for point in curve.keyframe_points]
+    place, turn = off_bake(run, again, ["upper", "child", "lower"])
+    print(f"keys: a selection is off by {place:.1e} m and {turn:.1e} rad")
+    assert place < PLACE and turn < TURN and "first" in lower["drystone"]

@@ -1,0 +1,231 @@
+"""Tests of passive colliders that are instances, deform or grow."""
+
+import bpy
+import numpy as np
+from drystone import exporting
+from drystone.channels import matrices
+
+from .common import DOWN, add, block, cube, empty, full_bake, lines, stage
+
+# A program that follows vertices.
+FOLLOWS = exporting.Abilities(vertex_track=True)
+
+
+def exported(abilities=FOLLOWS):
+    bpy.context.view_layer.update()
+    return exporting.export(bpy.context, abilities)
+
+
+def body_of(shot, name):
+    return next(body for body in shot.document["bodies"] if body["name"] == name)
+
+
+def in_collection(name, *things):
+    """Moves objects to a collection that the scene does not show."""
+    collection = bpy.data.collections.new(name)
+    for thing in things:
+        for own in list(thing.users_collection):
+            own.objects.unlink(thing)
+        collection.objects.link(thing)
+    return collection
+
+
+def instancer(name, collection, **more):
+    thing = bpy.data.objects.new(name, None)
+    bpy.context.scene.collection.objects.link(thing)
+    thing.instance_type, thing.instance_collection = "COLLECTION", collection
+    for key, value in more.items():
+        setattr(thing, key, value)
+    return thing
+
+
+def nodes(host, make):
+    """Geometry Nodes that put instances on the points of a host; `make` adds the node of the instance."""
+    tree = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
+    for side in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=side, socket_type="NodeSocketGeometry")
+    begin, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    scatter = tree.nodes.new("GeometryNodeInstanceOnPoints")
+    tree.links.new(begin.outputs[0], scatter.inputs["Points"])
+    tree.links.new(make(tree), scatter.inputs["Instance"])
+    tree.links.new(scatter.outputs[0], end.inputs[0])
+    host.modifiers.new("scatter", "NODES").node_group = tree
+
+
+def object_node(thing):
+    def make(tree):
+        node = tree.nodes.new("GeometryNodeObjectInfo")
+        node.inputs["Object"].default_value, node.inputs["As Instance"].default_value = thing, True
+        return node.outputs["Geometry"]
+
+    return make
+
+
+def world_corners(body):
+    """Corners of a box of a scene, in the world of Blender."""
+    shape = body["shapes"][0]
+    half = np.array(shape["half_extents"])
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    x, y, z, w = body["rotation"]
+    corners = (signs * half + shape["position"]) @ matrices(np.array([[w, x, y, z]]))[0].T + body["position"]
+    return np.stack([corners[:, 0], -corners[:, 2], corners[:, 1]], axis=1)
+
+
+def test_instances_of_collections(program, folder):
+    """Several instances of one collection collide where Blender shows them; nested, scaled, turned, offset."""
+    scene = empty(last=30)
+    post = add(cube(1, (1, 0, 0)), "PASSIVE", "BOX", "post", friction=0.7)
+    post.scale, post.rotation_euler = (1, 2, 0.5), (0, 0, 0.4)
+    loose = add(cube(0.4, (0, 0, 1)), "ACTIVE", "BOX", "loose")
+    collection = in_collection("tile", post, loose)
+    collection.instance_offset = (1, 0, 0)
+    things = [instancer(f"tile {i}", collection, location=(5 * i, 1, 0), rotation_euler=(0, 0, 0.5 * i),
+                        scale=(1 + i,) * 3) for i in range(3)]
+    street = in_collection("street", things.pop())
+    instancer("street", street, location=(0, 20, 0))
+    block("crate", (0.1, 1, 3))
+    shot = exported()
+    shown = {}
+    for each in bpy.context.evaluated_depsgraph_get().object_instances:
+        if each.is_instance and each.object.original == post:
+            shown[tuple(np.round(each.matrix_world.translation, 4))] = np.array(each.matrix_world)
+    bodies = [body for body in shot.document["bodies"] if body["name"] != "crate"]
+    assert [body["name"] for body in bodies] == ["tile 0: post", "tile 1: post", "street: post"], bodies
+    assert len(shown) == 3
+    corners = np.array([[x, y, z, 1] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    for body in bodies:
+        off = min(np.abs(np.sort(world_corners(body), axis=0)
+                         - np.sort((corners @ matrix.T)[:, :3], axis=0)).max() for matrix in shown.values())
+        assert off < 1e-5 and body["motion"] == "static" and np.isclose(body["friction"], 0.7), (body["name"], off)
+    assert lines(shot) == ["3 instancers of active objects: left out. Object > Apply > Make Instances Real: "
+                           "'tile 0', 'tile 1', 'street'"], lines(shot)
+    _, _, poses = full_bake(program, folder)
+    assert abs(poses[-1, 0, 1] - 0.75) < 2e-3, poses[-1, 0]
+    scene.objects["tile 1"].keyframe_insert("location", frame=1)
+    said = lines(exported())
+    assert any(line.startswith("1 instancer of passive objects that may move: still") for line in said), said
+
+
+def test_instances_of_nodes(_program, _folder):
+    """Instances of objects collide; instances of meshes are told, if their host collides."""
+    empty(last=12)
+    post = in_collection("hidden", add(cube(1, (1, 0, 0)), "PASSIVE", "BOX", "post")).objects[0]
+    block("crate", (0, 0, 9))
+    grid = bpy.ops.mesh.primitive_grid_add
+    grid(x_subdivisions=1, y_subdivisions=1, size=8)
+    nodes(bpy.context.object, object_node(post))
+    bpy.context.object.name = "host"
+    host = add(lambda: grid(x_subdivisions=1, y_subdivisions=1, size=8, location=(0, 0, -5)), "PASSIVE", "MESH",
+               "meshes")
+    nodes(host, lambda tree: tree.nodes.new("GeometryNodeMeshCube").outputs["Mesh"])
+    grid(x_subdivisions=1, y_subdivisions=1, size=8, location=(0, 0, -9))
+    nodes(bpy.context.object, lambda tree: tree.nodes.new("GeometryNodeMeshCube").outputs["Mesh"])
+    shot = exported()
+    places = sorted(tuple(body["position"]) for body in shot.document["bodies"] if body["name"].startswith("host"))
+    assert np.allclose(places, [(-4, 0, -4), (-4, 0, 4), (4, 0, -4), (4, 0, 4)], atol=1e-5), places
+    assert "1 object with instances of meshes by Geometry Nodes: only its own mesh collides, unless realized: " \
+        "'meshes'" in lines(shot), lines(shot)
+    assert host.modifiers["scatter"].show_viewport
+
+
+def floor(name, place=(0, 0, 0), **more):
+    """A passive grid that deforms."""
+    thing = add(lambda: bpy.ops.mesh.primitive_grid_add(x_subdivisions=4, y_subdivisions=4, size=4, location=place),
+                "PASSIVE", "MESH", name, **{"use_deform": True, "mesh_source": "DEFORM", **more})
+    return thing
+
+
+def rises(thing, height, last=24):
+    """Shape keys that lift all vertices, straight in time."""
+    thing.shape_key_add(name="Basis")
+    key = thing.shape_key_add(name="up")
+    for i, vertex in enumerate(thing.data.vertices):
+        key.data[i].co = vertex.co + type(vertex.co)((0, 0, height))
+    for frame, value in ((1, 0), (last, 1)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+    action = thing.data.shape_keys.animation_data.action
+    for curve in action.layers[0].strips[0].channelbags[0].fcurves:
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+
+
+def rig(thing):
+    """An armature of one bone that turns a mesh."""
+    armature = bpy.data.objects.new("rig", bpy.data.armatures.new("rig"))
+    bpy.context.scene.collection.objects.link(armature)
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = armature.data.edit_bones.new("bone")
+    bone.head, bone.tail = (0, 0, 0), (0, 1, 0)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    thing.vertex_groups.new(name="bone").add(range(len(thing.data.vertices)), 1.0, "REPLACE")
+    thing.modifiers.new("rig", "ARMATURE").object = armature
+    bone = armature.pose.bones["bone"]
+    bone.rotation_mode = "XYZ"
+    for frame, angle in ((1, 0), (24, 0.8)):
+        bone.rotation_euler = (angle, 0, 0)
+        bone.keyframe_insert("rotation_euler", frame=frame)
+
+
+def test_deforming_is_exported(_program, _folder):
+    """Shape keys, armatures and keys of scale become vertices at each frame; all else is told."""
+    scene = stage(DOWN, 24)
+    rises(floor("rising"), 1.0)
+    rig(floor("turning", (10, 0, 0)))
+    grows = floor("growing", (20, 0, 0), mesh_source="FINAL")
+    for frame, size in ((1, 1), (24, 2)):
+        grows.scale = (size, size, 1)
+        grows.keyframe_insert("scale", frame=frame)
+    folding = floor("folding", (60, 0, 0))
+    rises(folding, 1.0)
+    corner = folding.data.shape_keys.key_blocks["up"].data
+    for i in (1, 5, 6):
+        corner[i].co = corner[0].co
+    floor("still", (30, 0, 0))
+    floor("base", (40, 0, 0), mesh_source="BASE")
+    counted = floor("counted", (50, 0, 0), mesh_source="FINAL").modifiers.new("Array", "ARRAY")
+    for frame, count in ((1, 1), (12, 2)):
+        counted.count = count
+        counted.keyframe_insert("count", frame=frame)
+    block("crate", (0, 0, 0.6))
+    scene.frame_set(1)
+    shot = exported()
+    tracks = {body["name"]: body["shapes"][0].get("vertex_track") for body in shot.document["bodies"]}
+    assert {name for name, track in tracks.items() if track} == {"rising", "turning", "growing", "folding"}
+    shapes = body_of(shot, "folding")["shapes"][0]
+    assert len(shapes["triangles"]) < len(body_of(shot, "rising")["shapes"][0]["triangles"]) == 32
+    for name in ("rising", "turning", "growing"):
+        track, body = tracks[name], body_of(shot, name)
+        assert np.allclose(track["times"], np.arange(24) / 24)
+        assert np.allclose(track["points"][0], body["shapes"][0]["vertices"], atol=1e-6)
+        for frame in (7, 24):
+            scene.frame_set(frame)
+            thing = scene.objects[name]
+            mesh = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+            shown = np.array([thing.matrix_world @ vertex.co for vertex in mesh.vertices])
+            points = np.array(track["points"][frame - 1]) + body["position"]
+            off = np.abs(np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=1) - shown).max()
+            assert off < 1e-5, (name, frame, off)
+    scene.frame_set(1)
+    assert lines(shot) == [
+        "1 deforming object with triangles that lose their area at some frame: without these: 'folding'",
+        "1 deforming object whose number of vertices changes: of the shape at the first frame: 'counted'",
+        "1 object with a mesh that deforms: of the shape at the first frame: 'base'"], lines(shot)
+    old = lines(exported(exporting.Abilities()))
+    assert old == ["7 objects with a mesh that deforms: of the shape at the first frame: "
+                   "'rising', 'turning', 'growing', 'folding', 'still', 'base', 'counted'",
+                   "1 object with keys of scale: of the size at the first frame: 'growing'"], old
+
+
+def test_rising_floor(program, folder):
+    """A floor that rises by its vertices carries a crate."""
+    scene = stage(DOWN, 24)
+    rises(floor("floor"), 1.0)
+    block("crate", (0, 0, 0.5))
+    scene.frame_set(1)
+    _, document, poses = full_bake(program, folder)
+    crate = [body["name"] for body in document["bodies"]].index("crate")
+    rose = poses[-1, crate, 1] - 0.5
+    print(f"passive: a floor that rises by 1 m carries a crate by {rose:.4f} m")
+    assert abs(rose - 1) < 2e-3

@@ -1,0 +1,101 @@
+"""Tests of bodies that follow their keys and are released."""
+
+import time
+
+import bpy
+import numpy as np
+from drystone import exporting
+
+from .common import DOWN, UP, block, full_bake, in_blender, lines, stage
+
+ALL = exporting.Abilities(start_asleep=True, force=True, release=True)
+# The frame at which Animated is keyed off, where bodies leave their keys.
+FREE = 9
+
+
+def thrown(name="thrown", y=0.0, frames=((1, True), (FREE, False))):
+    """A crate that keys move along x and up, and that is then free."""
+    thing = block(name, (0, y, 2), kinematic=True)
+    for frame, place in ((1, (0, y, 2)), (40, (10, y, 6))):
+        thing.location = place
+        thing.keyframe_insert("location", frame=frame)
+    for curve in thing.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+    for frame, held in frames:
+        thing.rigid_body.kinematic = held
+        thing.keyframe_insert("rigid_body.kinematic", frame=frame)
+    return thing
+
+
+def test_released_as_in_blender(program, folder):
+    """A thrown crate leaves its keys where it does in Blender, with their velocity."""
+    scene = stage(DOWN, 25)
+    thing = thrown()
+    shown = in_blender()[:, 0, :3, 3]
+    scene.frame_set(20)
+    # Whatever was played before.
+    shot = exporting.export(bpy.context, ALL)
+    body = shot.document["bodies"][0]
+    assert body["motion"] == "dynamic" and lines(shot) == [], lines(shot)
+    track = np.array([key["position"] for key in body["track"]]) @ UP.T
+    assert np.abs(track - shown[:len(track)]).max() < 1e-5 and len(track) == FREE - 1
+    velocity = (track[-1] - track[-2]) * 24
+    times = np.arange(25 - len(track) + 1) / 24
+    flown = track[-1] + times[:, None] * velocity + times[:, None]**2 / 2 * np.array(DOWN)
+    off = np.abs(flown - shown[len(track) - 1:]).max()
+    print(f"release: a thrown crate flies {np.ptp(shown[:, 0]):.2f} m, off Blender by {off * 1e3:.2f} mm")
+    assert off < 5e-3
+    _, _, poses = full_bake(program, folder)
+    assert np.abs(poses[:, 0, :3] @ UP.T - shown).max() < 5e-3
+    scene.frame_set(25)
+    assert thing.rigid_body.kinematic and not np.allclose(thing.location, (10, 0, 6))
+
+
+def test_kinds_of_release(_program, _folder):
+    """Held once more, held late, held at first and dropped at rest, enabled by a key, or driven."""
+    stage(DOWN, 30)
+    thrown("twice", 0, ((1, True), (5, False), (12, True), (20, False)))
+    late = block("late", (0, 4, 2))
+    for frame, held in ((1, False), (12, True)):
+        late.rigid_body.kinematic = held
+        late.keyframe_insert("rigid_body.kinematic", frame=frame)
+    drop = block("drop", (0, 8, 2))
+    for frame, held in ((1, True), (12, False)):
+        drop.rigid_body.kinematic = held
+        drop.keyframe_insert("rigid_body.kinematic", frame=frame)
+    enabled = block("enabled", (0, 12, 2))
+    for frame, on in ((1, False), (10, True)):
+        enabled.rigid_body.enabled = on
+        enabled.keyframe_insert("rigid_body.enabled", frame=frame)
+    driver = block("driven", (0, 16, 2)).driver_add("rigid_body.kinematic").driver
+    driver.type, driver.expression = "SCRIPTED", "frame < 7"
+    block("always", (0, 20, 2), kinematic=True)
+    shot = exporting.export(bpy.context, ALL)
+    bodies = {body["name"]: (body["motion"], len(body.get("track", []))) for body in shot.document["bodies"]}
+    assert bodies == {"twice": ("dynamic", 4), "late": ("dynamic", 0), "drop": ("dynamic", 11),
+                      "enabled": ("dynamic", 9), "driven": ("dynamic", 6), "always": ("kinematic", 0)}, bodies
+    assert lines(shot) == [
+        "2 objects held by keys after a release: free from there on: 'twice', 'late'"], lines(shot)
+
+
+def test_one_animated_among_a_thousand(_program, folder):
+    """An export evaluates no simulation, so that it takes seconds with a thousand bodies."""
+    scene = stage(DOWN, 240)
+    thrown()
+    data = bpy.data.objects["thrown"].data
+    things = []
+    for i in range(1000):
+        thing = bpy.data.objects.new(f"thing {i}", data)
+        thing.location = (i % 10 * 1.5, 3 + i // 10 % 10 * 1.5, i // 100 * 1.5)
+        scene.collection.objects.link(thing)
+        thing.select_set(True)
+        things.append(thing)
+    bpy.context.view_layer.objects.active = things[0]
+    bpy.ops.rigidbody.objects_add(type="ACTIVE")
+    start = time.perf_counter()
+    shot = exporting.export(bpy.context, exporting.Abilities())
+    shot.write(folder / "a.json")
+    taken = time.perf_counter() - start
+    print(f"release: 1 animated body among 1000 by 240 frames is exported in {taken:.1f} s")
+    assert taken < 15 and len(shot.document["bodies"][0]["track"]) == FREE - 1
