@@ -248,7 +248,7 @@ class Bake(Check):
         yield from self._follow()
         code, output, messages = self.process.result()
         baked = None
-        if code == 0 and not self.is_cancelled:
+        if code == 0:
             baked = self.output
         elif self.journal.exists():
             yield from self._look(with_keys=True)
@@ -256,6 +256,8 @@ class Bake(Check):
         if baked == self.output:
             yield from self._key(self.output)
         yield WAITING
+        # What was complete when it was stopped is kept whole, without a journal to go on from.
+        self.is_cancelled = self.is_cancelled and code != 0
         self.keys.end(self.keys.frames - 1)
         self._keep(baked)
         self._summarize(code, output, messages)

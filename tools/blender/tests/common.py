@@ -3,6 +3,7 @@
 import json
 import math
 import subprocess
+import time
 from pathlib import Path
 
 import bpy
@@ -13,6 +14,8 @@ from drystone.space import rigid
 # Largest distance of a key from the bake. [m], [rad]
 PLACE, TURN = 1e-5, 1e-4
 DOWN = (0, 0, -9.81)
+# A bake that takes seconds, so that it can be stopped midway.
+LONG = baking.Options(substeps=40)
 
 
 def empty(fps=24, last=240):
@@ -184,3 +187,10 @@ def heap(count=1000, last=240):
     bpy.ops.rigidbody.objects_add(type="ACTIVE")
     bpy.context.view_layer.update()
     return scene
+
+
+def midway(bake):
+    """Goes on with a bake until the program tells of its first frame."""
+    while not (bake.process and binary.frames_done(bake.process.messages()) is not None):
+        assert bake.poll(), "ended before the first frame"
+        time.sleep(0.005)

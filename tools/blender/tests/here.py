@@ -1,7 +1,5 @@
 """Tests of bakes that begin inside of an earlier one."""
 
-import time
-
 import bpy
 import numpy as np
 from drystone import applying, baking, recordings
@@ -9,7 +7,7 @@ from drystone.channels import product
 from drystone.curves import curves_of
 from drystone.space import rigid
 
-from .common import DOWN, add, block, constrain, full_bake, heap, lines, stage
+from .common import DOWN, LONG, add, block, constrain, full_bake, heap, lines, midway, stage
 
 # Largest distance from the whole bake, with recorded velocities and with those of keys. [m]
 RECORDED, KEYED = 1e-3, 5e-3
@@ -226,12 +224,11 @@ def test_refused(program, folder):
 
 def test_stopped_and_gone_on(program, folder):
     """A bake from a frame on that is stopped keeps its frames, and goes on from its last one."""
-    scene = heap(200, 100)
+    scene = heap(400, 100)
     full_bake(program, folder, baking.Options(is_preview=True))
     scene.frame_set(10)
-    bake = baking.Bake(bpy.context, program, baking.Options(), folder, from_here=True)
-    while bake.poll() and not bake.keys.frames:
-        time.sleep(0.01)
+    bake = baking.Bake(bpy.context, program, LONG, folder, from_here=True)
+    midway(bake)
     bake.cancel()
     bake.finish()
     last = 9 + bake.keys.frames

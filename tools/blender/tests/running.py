@@ -9,7 +9,7 @@ import numpy as np
 from drystone import applying, baking, binary, operators
 from drystone.curves import curves_of
 
-from .common import DOWN, block, full_bake, heap, stage
+from .common import DOWN, LONG, block, full_bake, heap, midway, stage
 
 # The window answers within this time. [s]
 ANSWER = 0.2
@@ -55,13 +55,12 @@ def test_window_answers(program, folder):
 def test_stop_and_resume(program, folder):
     """Stopped at once; what is baked stays; resumed to the same keys as without a stop."""
     scene = heap(400, 200)
-    full = baking.Bake(bpy.context, program, baking.Options(), folder)
+    full = baking.Bake(bpy.context, program, LONG, folder)
     full.finish()
     _, _, whole = applying.read_bake(full.output)
     applying.delete_bake(scene)
-    bake = baking.Bake(bpy.context, program, baking.Options(), folder)
-    while bake.poll() and not bake.keys.frames:
-        time.sleep(0.01)
+    bake = baking.Bake(bpy.context, program, LONG, folder)
+    midway(bake)
     start = time.perf_counter()
     bake.cancel()
     while bake.process.is_running():
@@ -77,7 +76,7 @@ def test_stop_and_resume(program, folder):
     names = [body["name"] for body in full.shot.document["bodies"]]
     wanted = whole[kept - 1, names.index("thing 7")]
     assert np.allclose([shown.x, shown.z, -shown.y], wanted[:3], atol=1e-5)
-    again = baking.Bake(bpy.context, program, baking.Options(), folder, resume=True)
+    again = baking.Bake(bpy.context, program, LONG, folder, resume=True)
     assert again.resume
     again.finish()
     _, _, poses = applying.read_bake(again.output)
@@ -87,15 +86,27 @@ def test_stop_and_resume(program, folder):
     assert stopped < 0.5 * SLOW
 
 
+def test_stopped_too_late(program, folder):
+    """A bake that is stopped when the program has ended is complete: there is nothing to resume."""
+    stage(DOWN, 12)
+    block("crate", (0, 0, 2))
+    bake = baking.Bake(bpy.context, program, baking.Options(), folder)
+    midway(bake)
+    while bake.process.is_running():
+        time.sleep(0.005)
+    bake.cancel()
+    bake.finish()
+    assert bake.said[0] == "1 body baked" and not bake.is_cancelled and keys_of("crate") == {12}
+
+
 def test_changed_scene_is_not_resumed(program, folder):
     heap(400, 200)
-    bake = baking.Bake(bpy.context, program, baking.Options(), folder)
-    while bake.poll() and not bake.keys.frames:
-        time.sleep(0.01)
+    bake = baking.Bake(bpy.context, program, LONG, folder)
+    midway(bake)
     bake.cancel()
     bake.finish()
     bpy.data.objects["thing 3"].rigid_body.mass = 7
-    again = baking.Bake(bpy.context, program, baking.Options(), folder, resume=True)
+    again = baking.Bake(bpy.context, program, LONG, folder, resume=True)
     try:
         again.finish()
         assert False, "resumed another scene"
