@@ -118,6 +118,10 @@ pub fn build_with(
         let refused = |error| BuildError::Joint { joint: joints::name(joint, index), error };
         world.join(joint, &ids).map_err(refused)?;
     }
+    // A joint that is added wakes its bodies, and a static body those near it.
+    for (_, &id) in scene.bodies.iter().zip(&ids).filter(|(body, _)| body.start_asleep) {
+        world.put_to_sleep(id)?;
+    }
     Ok(world)
 }
 

@@ -16,7 +16,8 @@ use drystone_solver::{InverseMass, Vector, Velocity};
 use crate::cache::{self, CachedManifold, Pair, deepest_first};
 use crate::geometry::Geometry;
 use crate::joint::coordinates::{Vec3, cross};
-use crate::joints::{WORLD, flattened};
+use crate::joint::places::flattened;
+use crate::joint::record::WORLD;
 use crate::world::World;
 
 /// A contact is held if the locks leave less than this fraction of its mobility: it is nearer to the

@@ -5,9 +5,10 @@ use crate::geometry::Geometry;
 use crate::ids::{BodyId, JointId, put};
 use crate::input::{self, InputError, JointFault};
 use crate::joint::coordinates::{Place, Vec3};
+use crate::joint::places::place;
+use crate::joint::record::{JointRecord, RowState, WORLD};
 use crate::joint::rows;
 use crate::joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrames, JointState};
-use crate::joints::{JointRecord, RowState, WORLD, place};
 use crate::world::World;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {

@@ -16,6 +16,9 @@
 //! | [`distance`](Joint::distance), [`rope`](Joint::rope), [`spring`](Joint::spring) | distance of two points | |
 
 pub(crate) mod coordinates;
+pub(crate) mod linkage;
+pub(crate) mod places;
+pub(crate) mod record;
 pub(crate) mod rows;
 pub(crate) mod tension;
 

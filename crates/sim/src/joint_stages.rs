@@ -2,7 +2,8 @@
 
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
-use crate::joints::{BodyPlaces, WORLD};
+use crate::joint::places::BodyPlaces;
+use crate::joint::record::WORLD;
 use crate::report::StepReport;
 use crate::solving::ConstraintSolver;
 use crate::step_scratch::StepScratch;
@@ -11,22 +12,24 @@ use crate::world::World;
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Begins a step of `dt` \[s\]: bodies that move wake those that they are joined to.
     pub(crate) fn begin_joints(&mut self, dt: f32) {
-        let joints = &mut self.solver.joints;
-        joints.begin_step(&self.bodies.inverse_masses, f64::from(dt));
-        if self.sleep.count() == 0 {
-            return;
-        }
-        for slot in 0..joints.records.len() {
-            if !self.solver.joints.slots.is_taken(slot) {
-                continue;
-            }
-            let bodies = self.solver.joints.records[slot].bodies;
-            let members = bodies.into_iter().filter(|body| *body != WORLD);
-            let is_active = |body: u32| self.sleep.is_active(&self.bodies, body as usize);
-            if members.clone().any(is_active) {
-                members.for_each(|body| {
-                    self.wake_slot(body as usize);
-                });
+        self.wake_along_joints();
+        self.solver.joints.begin_step(&self.bodies.inverse_masses, f64::from(dt));
+    }
+
+    /// Wakes the bodies that joints connect with bodies that move, directly or through others.
+    pub(crate) fn wake_along_joints(&mut self) {
+        let mut goes_on = self.sleep.count() > 0;
+        while std::mem::take(&mut goes_on) {
+            for slot in 0..self.solver.joints.records.len() {
+                if !self.solver.joints.slots.is_taken(slot) {
+                    continue;
+                }
+                let bodies = self.solver.joints.records[slot].bodies;
+                let members = bodies.into_iter().filter(|body| *body != WORLD);
+                let is_active = |body: u32| self.sleep.is_active(&self.bodies, body as usize);
+                if members.clone().any(is_active) {
+                    members.for_each(|body| goes_on |= self.wake_slot(body as usize));
+                }
             }
         }
     }
@@ -110,7 +113,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.solver.joints.surpluses = surpluses;
         if !self.scratch.true_masses.is_empty() {
-            self.solver.joints.mechanisms.renew(&self.bodies.inverse_masses);
+            self.solver.joints.stiffen(&self.bodies.inverse_masses);
             self.follow_masses();
         }
     }
@@ -135,9 +138,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Sets the targets again for the paths that contacts have left. Returns true if that changes
-    /// the solution.
-    pub(crate) fn aim_joints_again(&mut self) -> bool {
-        self.solver.joints.aim_again(&self.bodies, &self.scratch.displacements)
+    /// the solution. If the joints are solved `alone`, it has been.
+    pub(crate) fn aim_joints_again(&mut self, alone: bool) -> bool {
+        self.solver.joints.aim_again(&mut self.bodies, &self.scratch.displacements, alone)
     }
 
     /// Solves the mechanisms whose targets have been set again.

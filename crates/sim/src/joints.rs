@@ -12,82 +12,32 @@
 //! relaxing. So bodies move as under the mean force, and end with velocities that J allows (RATTLE,
 //! Andersen 1983).
 
-use std::ops::Range;
+use std::sync::Arc;
 
 use drystone_solver::mechanism::Mechanisms;
+use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, Vector, Velocity};
 
-use crate::bodies::{Bodies, Inertia};
-use crate::geometry::{Geometry, PRECESS_LANES, Spin};
+use crate::bodies::Bodies;
+use crate::geometry::Geometry;
 use crate::ids::Slots;
-use crate::joint::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross};
-use crate::joint::rows::{Motion, Role, RowParams, RowPlan};
-use crate::joint::tension::{self, Tension};
-use crate::joint::{Breaking, Coordinate, JointAxis, JointState};
+use crate::joint::coordinates::{RowCoordinate, Turn, Vec3, cross};
+use crate::joint::linkage::{ActingJoints, Aim, Linkage};
+use crate::joint::places::{BodyPlaces, in_space};
+use crate::joint::record::{JointRecord, RowState, WORLD};
+use crate::joint::rows::Role;
+use crate::joint::{Breaking, JointState};
 use crate::ledger::JointRow;
-use crate::motion::SMALL_TURN;
 use crate::report::BrokenJoint;
-
-/// Marks the world in the place of a body.
-pub(crate) const WORLD: u32 = u32::MAX;
 
 /// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
 const LEAST_GRAVITY: f64 = 9.81;
-
-/// Fraction of the gap of a lock that a substep repairs. \[1\]
-const REPAIR: f64 = 0.25;
-
-/// Largest number of rounds in which targets follow the solution, for bodies that turn fast.
-const MOST_AIMS: usize = 4;
-
-/// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
-/// \[rad\]
-const FAST_TURN: f32 = 0.005;
 
 /// Largest miss of a joint at the end of a substep that is solved no more. \[m, or rad\]
 const MOST_MISS: f64 = 1e-5;
 
 /// Miss of a joint at which targets follow the path no more, in a solve to a tolerance. \[m, or rad\]
 const LEAST_MISS: f64 = 1e-8;
-
-/// Energy that the locks of a mechanism add in a substep, as a part of what it has, beyond which their
-/// targets are wrong. \[1\]
-const MOST_GAIN: f64 = 0.5;
-
-/// Speed that locks may give a mechanism at rest. \[m/s\]
-const LEAST_SPEED: f64 = 1.0;
-
-/// Largest difference of an angle from a straight path in a substep. \[rad\]
-const MOST_CURVE: f64 = 0.3;
-
-/// Parameters of a row before J is computed.
-const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
-
-/// A joint of a world.
-#[derive(Clone, Debug)]
-pub(crate) struct JointRecord {
-    /// Slots of the bodies, or [`WORLD`].
-    pub(crate) bodies: [u32; 2],
-    /// Frames relative to the centers of mass, or in the world.
-    pub(crate) frames: [Place; 2],
-    /// Frames in the world when the bodies were joined.
-    pub(crate) start: [Place; 2],
-    pub(crate) axes: Vec<JointAxis>,
-    pub(crate) rows: Vec<RowPlan>,
-    pub(crate) states: Vec<RowState>,
-    /// By axis: the angles of its coordinate with their turns. \[rad\]
-    pub(crate) turns: Vec<[f64; 2]>,
-    pub(crate) breaking: Breaking,
-    pub(crate) collide: bool,
-    pub(crate) enabled: bool,
-    pub(crate) broken: bool,
-    pub(crate) user_data: u128,
-    /// (r . gamma)+ of both bodies in the last substep ([`tension`]). \[N m s\]
-    pub(crate) pulls: [f64; 2],
-    /// Impulse on a and its moment about the joint in this step, or in the last one.
-    /// \[N s, N m s\]
-    pub(crate) load: [Vec3; 2],
-}
 
 /// State of joints between two steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -98,18 +48,6 @@ pub(crate) struct SavedJoints {
     /// By joint: q and the impulses of each row, then the turns of each axis, its pulls and its load.
     pub(crate) numbers: Vec<f64>,
     last_step: f64,
-}
-
-/// State of a row between substeps.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct RowState {
-    /// q, with its turns. \[m, or rad\]
-    pub(crate) value: f64,
-    /// Impulses of the last solve and of the sweep that relaxed it. \[N s, or N m s\]
-    pub(crate) solved: f64,
-    pub(crate) relaxed: f64,
-    /// Impulse of the solve before the last. \[N s, or N m s\]
-    pub(crate) solved_before: f64,
 }
 
 /// A joint that can act, and which of its bodies can move.
@@ -133,37 +71,15 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     pairs: Vec<[u32; 2]>,
     /// Their rows, and the solver.
     pub(crate) mechanisms: Mechanisms<L, A>,
-    /// By acting joint: 1 / weight of its mechanism. \[1/N\]
-    compliances: Vec<f64>,
-    /// By acting joint: the vector from the center of mass of its first body to its frame in a. \[m\]
-    arms: Vec<Vec3>,
+    /// The mechanisms in a substep.
+    linkages: Vec<Linkage<L, A>>,
     /// Joints that this step has broken.
     snapped: Vec<u32>,
     /// Length of this step. \[s\]
     step: f64,
-    /// Parameters of each row of the mechanisms.
-    params: Vec<RowParams>,
-    /// Bodies of the joints that act, and the index of each body among them.
-    members: Vec<u32>,
-    indices: Vec<u32>,
-    /// Their places, now and as they will be at the end of a substep.
-    here: Vec<Place>,
-    ahead: Vec<Place>,
-    /// Velocities with the lasting impulses of the joints, without those of contacts.
-    paths: Vec<Velocity<f32, L, A>>,
-    /// By mechanism: its joints, among those that act.
-    groups: Vec<Range<usize>>,
-    /// By mechanism: whether a body touches another one.
-    touches: Vec<bool>,
-    /// By mechanism: whether its targets are to follow the path that its joints leave, and the
-    /// largest change of its targets. \[m/s, or rad/s\]
-    aims: Vec<bool>,
-    changes: Vec<f64>,
-    last_changes: Vec<f64>,
-    /// Bodies that precess while targets look ahead.
-    spinning: Vec<u32>,
-    /// Pulls on each body ([`tension`]), and the inertia that they add to bodies.
-    tensions: Vec<Tension>,
+    /// Length of the substep. \[s\]
+    substep: f64,
+    /// Inertia that pulls add to bodies ([`tension`](crate::joint::tension)).
     pub(crate) surpluses: Vec<(u32, SymmetricMatrix<f64, A>)>,
     /// True if the rows of the joints that act must be rebuilt.
     is_stale: bool,
@@ -173,62 +89,6 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     separated: Vec<[u32; 2]>,
     /// Joints with locks by their bodies, in ascending order. Bodies that stand still are [`WORLD`].
     locked: Vec<([u32; 2], u32)>,
-}
-
-/// Where the bodies are: poses, and displacements since the search.
-#[derive(Clone, Copy)]
-pub(crate) struct BodyPlaces<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) bodies: &'a Bodies<G, L, A>,
-    pub(crate) displacements: &'a [Velocity<f32, L, A>],
-}
-
-fn in_space<const N: usize>(vector: Vector<f32, N>) -> Vec3 {
-    let mut out = Vec3::ZERO;
-    for i in 0..N {
-        // In the plane, rotation is about z.
-        out[if N == 1 { 2 } else { i }] = f64::from(vector[i]);
-    }
-    out
-}
-
-/// Returns a pose as a place.
-pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(pose: &G::Pose) -> Place {
-    Place { position: in_space(G::frame(pose).position), turn: Turn::normalized(G::rotation(pose)) }
-}
-
-impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> {
-    /// Returns the place of a center of mass and the axes of its body, or that of the world.
-    pub(crate) fn of(&self, body: u32) -> Place {
-        if body == WORLD {
-            return Place::ORIGIN;
-        }
-        let (bodies, body) = (self.bodies, body as usize);
-        let mut position = in_space(bodies.frames[body].position);
-        position += in_space(bodies.position_remainders[body]);
-        let mut turned = Vec3::ZERO;
-        if let Some(moved) = self.displacements.get(body) {
-            position += in_space(moved.linear);
-            turned = in_space(moved.angular) - in_space(bodies.spin_states[body].followed);
-        }
-        let pose = Turn::normalized(G::rotation(&bodies.poses[body]));
-        Place { position, turn: Turn::by(turned).of(&pose) }
-    }
-}
-
-/// Returns the place of a body among these of members with these indices, or that of the world.
-fn place_of(body: u32, places: &[Place], indices: &[u32]) -> Place {
-    let index = indices.get(body as usize);
-    index.map_or(Place::ORIGIN, |&index| places[index as usize])
-}
-
-/// Returns a row in the dimension of a world.
-pub(crate) fn flattened<const L: usize, const A: usize>(
-    row: &Velocity<f64, 3, 3>,
-) -> Velocity<f64, L, A> {
-    Velocity {
-        linear: Vector(std::array::from_fn(|i| row.linear[i])),
-        angular: Vector(std::array::from_fn(|i| row.angular[if A == 1 { 2 } else { i }])),
-    }
 }
 
 impl<const L: usize, const A: usize> Joints<L, A> {
@@ -340,22 +200,26 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         true
     }
 
+    /// Sets the thread pool that works on the joints. Results do not depend on it.
+    pub(crate) fn set_pool(&mut self, pool: Arc<ThreadPool>) {
+        self.mechanisms.set_pool(pool);
+    }
+
     /// Finds the mechanisms of which a body touches another one.
     pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> bool) {
-        let groups = self.mechanisms.groups();
-        self.touches.clear();
-        self.touches.extend(groups.map(|(_, members)| members.iter().any(|&body| touches(body))));
+        for linkage in &mut self.linkages {
+            linkage.touches = linkage.members.iter().any(|&body| touches(body));
+        }
     }
 
     /// Returns true if a body of a mechanism touches another one.
     pub(crate) fn touch(&self) -> bool {
-        self.touches.contains(&true) && !self.is_idle()
+        self.linkages.iter().any(|linkage| linkage.touches)
     }
 
     /// Prepares for the joints that act.
     fn connect<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>, gravity: f64) {
-        let Self { mechanisms, records, acting, pairs, compliances, params, .. } = self;
-        let Self { members, indices, here, ahead, .. } = self;
+        let Self { mechanisms, records, acting, pairs, linkages, .. } = self;
         mechanisms.joints.clear();
         mechanisms.axes.clear();
         for (&slot, &bodies) in acting.iter().zip(&*pairs) {
@@ -365,24 +229,13 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             mechanisms.joints.push(SolverJoint { bodies, first, count: rows.len() as u32 });
         }
         mechanisms.connect(&bodies.inverse_masses);
-        members.clear();
-        members.extend(pairs.iter().flatten());
-        members.sort_unstable();
-        members.dedup();
-        indices.clear();
-        indices.resize(bodies.poses.len(), 0);
-        (0..).zip(&*members).for_each(|(index, &body)| indices[body as usize] = index);
-        here.resize(members.len(), Place::ORIGIN);
-        ahead.resize(members.len(), Place::ORIGIN);
-        params.clear();
-        params.resize(mechanisms.axes.len(), NO_PARAMS);
-        compliances.clear();
-        self.groups.clear();
-        self.groups.extend(mechanisms.groups().map(|(joints, _)| joints));
-        for (joints, members) in mechanisms.groups() {
-            let mass: f64 = members.iter().map(|&body| bodies.mass(body as usize).linear).sum();
-            let weight = mass * gravity.max(LEAST_GRAVITY);
-            compliances.extend(joints.map(|_| 1.0 / weight));
+        linkages.clear();
+        let mut first = 0;
+        for part in mechanisms.parts() {
+            let masses = part.bodies().iter().map(|&body| bodies.mass(body as usize).linear);
+            let weight = masses.sum::<f64>() * gravity.max(LEAST_GRAVITY);
+            linkages.push(Linkage::new(&part, first, 1.0 / weight));
+            first += part.joints.len();
         }
     }
 
@@ -394,102 +247,13 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
-        self.look(at);
-        let Self { mechanisms, records, acting, compliances, params, arms, .. } = self;
-        let (here, indices) = (&self.here, &self.indices);
-        let masses = &at.bodies.inverse_masses;
-        arms.clear();
-        for ((&slot, joint), softness) in acting.iter().zip(&mechanisms.joints).zip(compliances) {
-            let record = &mut records[slot as usize];
-            let places = record.places(|body| place_of(body, here, indices));
-            let own = joint.bodies.map(|body| masses[body as usize].cast());
-            let axes = &mut mechanisms.axes[joint.axes()];
-            for (index, axis) in axes.iter_mut().enumerate() {
-                let (plan, state) = (&record.rows[index], &mut record.states[index]);
-                let found = places.evaluate(&plan.coordinate);
-                (state.value, record.turns[plan.axis]) = found.turned(&record.turns[plan.axis]);
-                axis.jacobian = [0, 1].map(|side| match record.bodies[side] {
-                    WORLD => Velocity::ZERO,
-                    _ => flattened(&found.rows[side]),
-                });
-                if record.bodies[0] == WORLD {
-                    axis.jacobian.swap(0, 1);
-                }
-            }
-            record.count_turns(&places);
-            let side = usize::from(record.bodies[0] == WORLD);
-            arms.push(places.frames[side].position - places.centers[side]);
-            let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
-            for (axis, params) in axes.iter_mut().zip(&mut params[joint.axes()]) {
-                let mobility = axis.mobility(&own);
-                let scale = if axis.is_turn() && unit > 0.0 { mobility / unit } else { 1.0 };
-                let compliance = REPAIR * stretch * *softness * scale / (h * h);
-                let repair = [REPAIR, speed * scale.sqrt()];
-                *params = RowParams { h, mobility, compliance, repair };
-            }
-            for ((axis, params), plan) in
-                axes.iter_mut().zip(&params[joint.axes()]).zip(&record.rows)
-            {
-                axis.law.compliance = plan.role.compliance(params);
-            }
-        }
-        mechanisms.renew(masses);
-    }
-
-    /// Sets the places of the bodies.
-    fn look<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) {
-        for (place, &body) in self.here.iter_mut().zip(&self.members) {
-            *place = at.of(body);
-        }
-    }
-
-    /// Sets the places of the bodies after `h` \[s\] at these velocities, rotating freely: as they
-    /// will [advance](crate::motion::MovingBodies::advance) from `here`. Leaves out mechanisms whose
-    /// targets stay.
-    fn look_ahead<G: Geometry<L, A>>(
-        &mut self,
-        at: &BodyPlaces<'_, G, L, A>,
-        velocities: &[Velocity<f32, L, A>],
-        h: f64,
-    ) {
-        let Self { mechanisms, indices, here, ahead, aims, spinning, .. } = self;
-        let bodies = at.bodies;
-        spinning.clear();
-        let due = mechanisms.groups().zip(&*aims).filter(|(_, aims)| **aims);
-        for &body in due.flat_map(|((_, members), _)| members) {
-            let slot = body;
-            let (body, index) = (body as usize, indices[body as usize] as usize);
-            let (velocity, place) = (&velocities[body], &mut ahead[index]);
-            place.position = here[index].position + in_space(velocity.linear) * h;
-            let turn = velocity.angular * h as f32;
-            let precesses = bodies.precession[body].rate > 0.0;
-            if A == 3 && precesses && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
-                spinning.push(slot);
-            } else {
-                place.turn = Turn::by(in_space(velocity.angular) * h).of(&here[index].turn);
-            }
-        }
-        let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
-        let spin = |body: u32| {
-            let body = body as usize;
-            let Inertia { moments, inverse_moments, .. } = &bodies.inertia[body];
-            Spin {
-                pose: bodies.poses[body],
-                moments: [moments, inverse_moments],
-                precession: bodies.precession[body],
-                omega: velocities[body].angular,
-                remainder: bodies.spin_states[body].remainder,
-            }
-        };
-        for spinning in spinning.chunks(PRECESS_LANES) {
-            let all = std::array::from_fn(|lane| spin(spinning[lane.min(spinning.len() - 1)]));
-            G::precess(&all, spinning.len(), h as f32, |lane, pose, _| {
-                let body = spinning[lane] as usize;
-                let index = indices[body] as usize;
-                let back = rotation(&bodies.poses[body]).inverse();
-                ahead[index].turn = rotation(&pose).of(&back).of(&here[index].turn);
-            });
-        }
+        self.substep = h;
+        let Self { mechanisms, records, acting, linkages, .. } = self;
+        let joints = ActingJoints { records, acting };
+        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
+            linkage.renew(at, joints, &mut part, [h, stretch, speed]);
+        });
+        linkages.iter().for_each(|linkage| linkage.pass_on(records, acting));
     }
 
     /// Sets the impulses of the rows to those that the last solve lets expect.
@@ -503,48 +267,29 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
-    /// Computes (h S - I)+ / 2 of the bodies for which it is not zero ([`tension`]), for substeps of
-    /// `h` \[s\].
+    /// Computes (h S - I)+ / 2 of the bodies for which it is not zero
+    /// ([`tension`](crate::joint::tension)), for substeps of `h` \[s\].
     pub(crate) fn find_surpluses<G: Geometry<L, A>>(
         &mut self,
         at: &BodyPlaces<'_, G, L, A>,
         h: f64,
     ) {
-        self.look(at);
-        let Self { mechanisms, records, acting, tensions, here, indices, surpluses, .. } = self;
-        let masses = &at.bodies.inverse_masses;
-        tensions.clear();
-        tensions.resize(at.bodies.poses.len(), Tension::default());
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let record = &mut records[slot as usize];
-            let places = record.places(|body| place_of(body, here, indices));
-            for (side, body) in record.bodies.into_iter().enumerate() {
-                // No pull turns a body that cannot move.
-                if body == WORLD || masses[body as usize] == InverseMass::FIXED {
-                    continue;
-                }
-                let own = if record.bodies[0] == WORLD { 0 } else { side };
-                let mut pull = Vec3::ZERO;
-                for (axis, state) in mechanisms.axes[joint.axes()].iter().zip(&record.states) {
-                    let impulse = state.solved + state.relaxed;
-                    (0..L).for_each(|i| pull[i] += axis.jacobian[own].linear[i] * impulse);
-                }
-                let arm = places.frames[0].position - places.centers[side];
-                // An impact in one substep is no tension.
-                let now = arm.dot(pull).max(0.0);
-                let before = std::mem::replace(&mut record.pulls[side], now);
-                if now > 0.0 {
-                    let lasting = pull * (now.min(before) / now);
-                    tensions[body as usize].add(arm, lasting);
-                }
-            }
-        }
+        let Self { mechanisms, records, acting, linkages, surpluses, .. } = self;
         surpluses.clear();
-        for (body, tension) in (0..).zip(&*tensions) {
-            let Some(of) = tension.balanced() else { continue };
-            let inertia = at.bodies.mass(body as usize).angular;
-            surpluses.extend(tension::surplus(&of, &inertia, h).map(|own| (body, own)));
+        for (linkage, part) in linkages.iter_mut().zip(mechanisms.parts()) {
+            linkage.find_surpluses(at, (records, acting), part.axes, h, |body, surplus| {
+                surpluses.push((body, surplus));
+            });
         }
+    }
+
+    /// Takes the present masses of the bodies that have [surpluses](Self::find_surpluses).
+    pub(crate) fn stiffen(&mut self, masses: &[InverseMass<f32, L, A>]) {
+        self.mechanisms.for_each(self.linkages.iter(), |mut part, linkage| {
+            if linkage.is_stiffened {
+                part.renew(masses);
+            }
+        });
     }
 
     /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
@@ -558,159 +303,85 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         prospective: &[Velocity<f32, L, A>],
         exact: bool,
     ) {
-        if self.is_idle() {
-            return;
-        }
         self.recall();
         self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
-        let mut paths = std::mem::take(&mut self.paths);
-        paths.clear();
-        paths.extend_from_slice(prospective);
-        self.mechanisms.apply(&mut paths, &bodies.inverse_masses);
-        // Where contacts act, too, joints alone do not tell the path.
-        for ((_, members), _) in
-            self.mechanisms.groups().zip(&self.touches).filter(|(_, touches)| **touches)
-        {
-            members.iter().for_each(|&body| paths[body as usize] = prospective[body as usize]);
-        }
-        self.aims.clear();
-        self.aims.resize(self.mechanisms.groups().count(), true);
-        self.set_targets(&BodyPlaces { bodies, displacements }, &paths);
-        self.paths = paths;
-        self.find_fast(bodies);
         let least_miss = if exact { LEAST_MISS } else { MOST_MISS };
-        if !exact {
-            self.aims.iter_mut().zip(&self.touches).for_each(|(aims, touches)| *aims &= !touches);
-        }
-        let h = self.substep();
-        self.last_changes.clear();
-        self.last_changes.resize(self.aims.len(), f64::INFINITY);
-        for _ in 0..MOST_AIMS {
-            if !self.aims.contains(&true) {
-                return;
+        let Self { mechanisms, records, acting, linkages, substep: h, .. } = self;
+        let at = BodyPlaces { bodies, displacements };
+        let aim = Aim { joints: ActingJoints { records, acting }, at, h: *h, least_miss };
+        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
+            // Displacements have changed since J was computed.
+            linkage.look(&aim.at);
+            linkage.expect(prospective);
+            // Where contacts act, too, joints alone do not tell the path.
+            if !linkage.touches {
+                part.apply(&mut linkage.expected, &aim.at.bodies.inverse_masses);
             }
-            // The path curves with the velocities that the joints leave.
-            self.solve_aiming(&mut bodies.velocities);
-            self.set_targets(&BodyPlaces { bodies, displacements }, &bodies.velocities);
-            let misses = self.changes.iter().zip(&mut self.last_changes).map(|(change, before)| {
-                *change < std::mem::replace(before, *change) && change * h > least_miss
-            });
-            self.aims.iter_mut().zip(misses).for_each(|(aims, misses)| *aims &= misses);
-        }
+            linkage.set_targets(&aim, &mut part);
+            let velocities = &aim.at.bodies.velocities;
+            linkage.aims = linkage.is_fast(velocities, aim.h) && (exact || !linkage.touches);
+            if linkage.aims {
+                part.load(velocities);
+                linkage.follow(&aim, &mut part);
+            }
+        });
+        mechanisms.store(linkages.iter().map(|linkage| linkage.aims), &mut bodies.velocities);
     }
 
     /// Solves the mechanisms whose targets follow their paths.
     pub(crate) fn solve_aiming(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        let Self { mechanisms, aims, .. } = self;
-        mechanisms.solve_those(|index| aims[index], velocities);
+        let Self { mechanisms, linkages, .. } = self;
+        mechanisms.solve_those(linkages.iter().map(|linkage| linkage.aims), velocities);
     }
 
     /// Sets the targets again where contacts have changed the paths of bodies that turn fast. Returns
-    /// true if joints would then miss their places by more than [`MOST_MISS`].
+    /// true if joints would then miss their places by more than [`MOST_MISS`]. If the joints are solved
+    /// `alone`, the targets follow further.
     pub(crate) fn aim_again<G: Geometry<L, A>>(
         &mut self,
-        bodies: &Bodies<G, L, A>,
+        bodies: &mut Bodies<G, L, A>,
         displacements: &[Velocity<f32, L, A>],
+        alone: bool,
     ) -> bool {
-        if !self.touches.contains(&true) {
+        if !self.touch() {
             return false;
         }
-        self.find_fast(bodies);
-        self.aims.iter_mut().zip(&self.touches).for_each(|(aims, touches)| *aims &= touches);
-        if self.aims.contains(&true) {
-            self.set_targets(&BodyPlaces { bodies, displacements }, &bodies.velocities);
+        let Self { mechanisms, records, acting, linkages, substep: h, .. } = self;
+        let at = BodyPlaces { bodies, displacements };
+        let aim =
+            Aim { joints: ActingJoints { records, acting }, at, h: *h, least_miss: MOST_MISS };
+        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
+            let velocities = &aim.at.bodies.velocities;
+            linkage.aims = linkage.touches && linkage.is_fast(velocities, aim.h) && {
+                linkage.expect(velocities);
+                linkage.set_targets(&aim, &mut part)
+            };
+            if linkage.aims && alone {
+                part.load(velocities);
+                linkage.follow(&aim, &mut part);
+            }
+        });
+        let aims = linkages.iter().map(|linkage| linkage.aims);
+        if alone {
+            mechanisms.store(aims.clone(), &mut bodies.velocities);
         }
-        let h = self.substep();
-        let misses = self.changes.iter().map(|change| change * h > MOST_MISS);
-        self.aims.iter_mut().zip(misses).for_each(|(aims, misses)| *aims &= misses);
-        self.aims.contains(&true)
+        aims.clone().any(|aims| aims)
     }
 
     /// Takes curve and repair out of the targets of mechanisms whose locks add energy to bodies that
     /// would move at the `prospective` velocities. Returns true if there are any.
-    ///
-    /// Rows of a net in one plane are nearly dependent: its links would need any speed to end on
-    /// their places. Targets of zero add no energy.
     pub(crate) fn tame(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
         masses: &[InverseMass<f32, L, A>],
     ) -> bool {
-        let mut aims = std::mem::take(&mut self.aims);
-        aims.clear();
-        aims.extend(self.mechanisms.groups().map(|(joints, members)| {
-            let (mut energy, mut gain, mut mass) = (0.0, 0.0, 0.0);
-            for &body in members {
-                let own = masses[body as usize].cast::<f64>().mass();
-                let [before, after] = [prospective, velocities]
-                    .map(|all| 0.5 * own.squared(&all[body as usize].cast()));
-                energy += before;
-                gain += after - before;
-                mass += own.linear;
-            }
-            let most = |speed: f64| MOST_GAIN * energy + 0.5 * mass * speed * speed;
-            gain > most(LEAST_SPEED) && {
-                let [work, speed] = self.work(joints, members, [prospective, velocities], masses);
-                work.min(gain) > most(speed.max(LEAST_SPEED))
-            }
-        }));
-        let Self { mechanisms, records, acting, groups, .. } = self;
-        for joint in groups.iter().zip(&aims).filter(|(_, aims)| **aims).flat_map(|of| of.0.clone())
-        {
-            let rows = &records[acting[joint] as usize].rows;
-            let axes = &mut mechanisms.axes[mechanisms.joints[joint].axes()];
-            for (axis, _) in axes.iter_mut().zip(rows).filter(|(_, row)| row.role.is_rigid_lock()) {
-                axis.law.targets = [0.0; 2];
-            }
-        }
-        self.aims = aims;
-        self.aims.contains(&true)
-    }
-
-    /// Returns the work of the rigid locks of these joints in the substep, gamma J (v + v') / 2 \[J\],
-    /// and the greatest speed that a repair among them asks for. An angle turns all `members` about the
-    /// joint. \[m/s\]
-    fn work(
-        &self,
-        joints: Range<usize>,
-        members: &[u32],
-        [before, after]: [&[Velocity<f32, L, A>]; 2],
-        masses: &[InverseMass<f32, L, A>],
-    ) -> [f64; 2] {
-        let (mut work, mut fastest) = (0.0, 0.0f64);
-        let place = |body: u32| place_of(body, &self.here, &self.indices).position;
-        for joint in joints {
-            let record = &self.records[self.acting[joint] as usize];
-            let of = &self.mechanisms.joints[joint];
-            let [u, v] = [before, after].map(|all| of.bodies.map(|body| all[body as usize].cast()));
-            let unit: f64 =
-                of.bodies.map(|body| f64::from(masses[body as usize].linear)).iter().sum();
-            for ((row, plan), state) in of.axes().zip(&record.rows).zip(&record.states) {
-                let Role::Lock(value, None) = plan.role else { continue };
-                let axis = &self.mechanisms.axes[row];
-                work += 0.5
-                    * axis.impulse
-                    * (axis.velocity(&u[0], &u[1]) + axis.velocity(&v[0], &v[1]));
-                let RowParams { h, mobility, repair: [share, most], .. } = self.params[row];
-                let repaired = (share * (state.value - value) / h).abs().min(most);
-                if mobility > 0.0 && repaired > 0.0 {
-                    let mut reach = (unit / mobility).sqrt();
-                    if axis.is_turn() {
-                        let anchor = place(of.bodies[0]) + self.arms[joint];
-                        let distances = members.iter().map(|&body| (place(body) - anchor).length());
-                        reach += distances.fold(0.0, f64::max);
-                    }
-                    fastest = fastest.max(repaired * reach);
-                }
-            }
-        }
-        [work, fastest]
-    }
-
-    /// Returns the length of the substep. \[s\]
-    fn substep(&self) -> f64 {
-        self.params.first().map_or(0.0, |params| params.h)
+        let Self { mechanisms, records, acting, linkages, .. } = self;
+        let joints = ActingJoints { records, acting };
+        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
+            linkage.aims = linkage.tame(joints, &mut part, [prospective, velocities], masses);
+        });
+        linkages.iter().any(|linkage| linkage.aims)
     }
 
     /// Returns the largest angle by which an arm or an axis of a joint turns within `dt`
@@ -739,45 +410,6 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
         }
         fastest * dt
-    }
-
-    /// Lets the targets of mechanisms follow their paths if a body turns by more than [`FAST_TURN`]
-    /// in a substep.
-    fn find_fast<G: Geometry<L, A>>(&mut self, bodies: &Bodies<G, L, A>) {
-        let h = self.substep() as f32;
-        let is_fast = |body: &u32| {
-            let omega = bodies.velocities[*body as usize].angular;
-            omega.dot(omega) * h * h > FAST_TURN * FAST_TURN
-        };
-        let groups = self.mechanisms.groups();
-        self.aims.clear();
-        self.aims.extend(groups.map(|(_, members)| members.iter().any(is_fast)));
-    }
-
-    /// Sets the targets of the rows of mechanisms for a substep, where `aims` says so, and their
-    /// `changes`.
-    fn set_targets<G: Geometry<L, A>>(
-        &mut self,
-        at: &BodyPlaces<'_, G, L, A>,
-        velocities: &[Velocity<f32, L, A>],
-    ) {
-        let h = self.substep();
-        self.look_ahead(at, velocities, h);
-        let Self { mechanisms, records, acting, params, indices, ahead, .. } = self;
-        self.changes.clear();
-        for (joints, &aims) in self.groups.iter().zip(&self.aims) {
-            let mut change = 0.0f64;
-            for index in joints.clone().filter(|_| aims) {
-                let (record, joint) =
-                    (&mut records[acting[index] as usize], mechanisms.joints[index]);
-                let then = record.places(|body| place_of(body, ahead, indices));
-                let velocities = joint.bodies.map(|body| velocities[body as usize].cast());
-                let axes = &mut mechanisms.axes[joint.axes()];
-                let own = record.set_targets(axes, &params[joint.axes()], (&then, &velocities));
-                change = change.max(own);
-            }
-            self.changes.push(change);
-        }
     }
 
     /// Passes an impact on through the locks: the bodies that it has struck pull those joined to them.
@@ -816,18 +448,19 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         velocities: &mut [Velocity<f32, L, A>],
         masses: &[InverseMass<f32, L, A>],
     ) -> bool {
-        let Self { mechanisms, records, acting, params, arms, snapped, step, .. } = self;
+        let Self { mechanisms, records, acting, linkages, substep, snapped, step, .. } = self;
         let before = snapped.len();
-        for ((&slot, joint), arm) in acting.iter().zip(&mechanisms.joints).zip(arms) {
+        let arms = linkages.iter().flat_map(|linkage| &linkage.arms);
+        for ((&slot, joint), arms) in acting.iter().zip(&mechanisms.joints).zip(arms) {
             let record = &mut records[slot as usize];
             if record.broken || record.breaking == Breaking::NEVER || joint.count == 0 {
                 continue;
             }
             let axes = &mut mechanisms.axes[joint.axes()];
-            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), *arm);
+            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms);
             // The solve may bear up to twice the load of its substep, and relaxing takes it back.
-            let time = step.max(2.0 * params[joint.first as usize].h);
-            if record.breaking.share(load, time) <= 1.0 {
+            let time = step.max(2.0 * *substep);
+            if record.strain(load, time) <= 1.0 {
                 continue;
             }
             record.bear(load);
@@ -845,6 +478,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         snapped.len() > before
     }
 
+    /// Returns the number of joints that the step has [snapped](Self::snap) so far.
+    pub(crate) fn snapped(&self) -> usize {
+        self.snapped.len()
+    }
+
     /// Stores the impulses of the solve.
     pub(crate) fn keep_solved(&mut self) {
         self.keep(|state, impulse| {
@@ -857,13 +495,13 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// contacts would bear what joints then take back, and throw bodies whose contacts and joints bear
     /// against each other. J has been [renewed](Self::renew).
     pub(crate) fn begin_relaxing(&mut self) {
-        let Self { mechanisms, records, acting, params, .. } = self;
+        let Self { mechanisms, records, acting, substep, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &records[slot as usize];
             for (index, row) in joint.axes().enumerate() {
                 let (plan, state) = (&record.rows[index], &record.states[index]);
-                let (axis, h) = (&mut mechanisms.axes[row], params[row].h);
-                axis.law = plan.role.relaxing_law(&axis.law, state.solved, state.value, h);
+                let axis = &mut mechanisms.axes[row];
+                axis.law = plan.role.relaxing_law(&axis.law, state.solved, state.value, *substep);
                 if record.broken {
                     axis.law.bounds = [0.0; 2];
                 }
@@ -875,11 +513,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Stores the impulses of the relaxing, and sums the loads of the joints.
     pub(crate) fn keep_relaxed(&mut self) {
         self.keep(|state, impulse| state.relaxed = impulse);
-        let Self { mechanisms, records, acting, arms, .. } = self;
-        for ((&slot, joint), arm) in acting.iter().zip(&mechanisms.joints).zip(arms) {
+        let Self { mechanisms, records, acting, linkages, .. } = self;
+        let arms = linkages.iter().flat_map(|linkage| &linkage.arms);
+        for ((&slot, joint), arms) in acting.iter().zip(&mechanisms.joints).zip(arms) {
             let record = &mut records[slot as usize];
             let impulses = record.states.iter().map(|state| state.solved + state.relaxed);
-            let load = record.load_by(&mechanisms.axes[joint.axes()], impulses, *arm);
+            let load = record.load_by(&mechanisms.axes[joint.axes()], impulses, arms);
             record.bear(load);
         }
     }
@@ -984,7 +623,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let Self { records, acting, snapped, step, .. } = self;
         for &slot in acting.iter() {
             let record = &mut records[slot as usize];
-            if !record.broken && record.breaking.share(record.load, *step) >= 1.0 {
+            if !record.broken && record.strain(record.load, *step) >= 1.0 {
                 record.broken = true;
                 snapped.push(slot);
             }
@@ -1017,7 +656,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         for (index, axis) in record.axes.iter().enumerate() {
             let coordinate = RowCoordinate::Of(axis.coordinate);
             let found = places.evaluate(&coordinate);
-            state.values.push(found.turned(&record.turns[index]).0);
+            state.values.push(found.reading.turned(&record.turns[index]).0);
             let speeds = found.rows.iter().zip(&velocities).map(|(row, v)| row.dot(v));
             state.speeds.push(speeds.sum());
         }
@@ -1040,122 +679,6 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
         }
         worst
-    }
-}
-
-impl Breaking {
-    /// Returns an impulse on a joint and its moment in a step of `dt` \[s\] over those that break
-    /// it. \[1\]
-    fn share(&self, [pull, turn]: [Vec3; 2], dt: f64) -> f64 {
-        let pull = (pull.length() / (self.force * dt)).max(pull.length() / self.impulse);
-        pull.max(turn.length() / (self.torque * dt))
-    }
-}
-
-impl RowState {
-    /// Returns the impulse of the last solve, as far as it is at most twice that of the one before.
-    /// The impulse of an impact does not last. \[N s, or N m s\]
-    fn lasting(&self) -> f64 {
-        let most = 2.0 * self.solved_before.abs();
-        self.solved.clamp(-most, most)
-    }
-}
-
-impl JointRecord {
-    /// Sets the targets of its rows for bodies at these velocities, which will be at the places
-    /// `then`. Returns the largest change of a finite target. \[m/s, or rad/s\]
-    fn set_targets<const L: usize, const A: usize>(
-        &self,
-        axes: &mut [Axis<f64, L, A>],
-        params: &[RowParams],
-        (then, [a, b]): (&JointPlaces, &[Velocity<f64, L, A>; 2]),
-    ) -> f64 {
-        let mut change = 0.0f64;
-        for (index, (axis, params)) in axes.iter_mut().zip(params).enumerate() {
-            let (plan, value) = (&self.rows[index], self.states[index].value);
-            let (end, _) = then.evaluate(&plan.coordinate).turned(&self.turns[plan.axis]);
-            let rate = axis.velocity(a, b);
-            let straight = value + params.h * rate;
-            // Beyond, an angle has passed a place where it is not defined.
-            let is_lost = plan.coordinate.is_angle() && (end - straight).abs() > MOST_CURVE;
-            let motion = Motion { value, end: if is_lost { straight } else { end }, rate };
-            let law = plan.role.law(&motion, params);
-            for (new, old) in law.targets.iter().zip(axis.law.targets) {
-                let own = (new - old).abs();
-                change = if own.is_finite() { change.max(own) } else { change };
-            }
-            axis.law = law;
-            if self.broken {
-                axis.law.bounds = [0.0; 2];
-            }
-        }
-        change
-    }
-
-    /// Returns its places, where `of` returns those of its bodies.
-    pub(crate) fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces {
-        let [a, b] = self.bodies.map(of);
-        JointPlaces {
-            frames: [a.of(&self.frames[0]), b.of(&self.frames[1])],
-            start: self.start,
-            centers: [a.position, b.position],
-        }
-    }
-
-    /// Counts the turns of axes without rows.
-    fn count_turns(&mut self, places: &JointPlaces) {
-        for (index, axis) in self.axes.iter().enumerate() {
-            let has_row = || self.rows.iter().any(|row| row.axis == index);
-            if axis.coordinate.counts_turns() && !has_row() {
-                let found = places.evaluate(&RowCoordinate::Of(axis.coordinate));
-                self.turns[index] = found.turned(&self.turns[index]).1;
-            }
-        }
-    }
-
-    /// Returns by how much its positions \[m\] and rotations \[rad\] miss their locks and limits.
-    fn misses(&self, places: &JointPlaces) -> [f64; 2] {
-        let mut out = [0.0f64; 2];
-        let mut apart = 0.0;
-        for plan in &self.rows {
-            let found = places.evaluate(&plan.coordinate);
-            let miss = plan.role.miss(found.turned(&self.turns[plan.axis]).0);
-            match plan.coordinate {
-                // Positions along three axes make one distance.
-                RowCoordinate::Of(Coordinate::Linear(_)) => apart += miss * miss,
-                RowCoordinate::Of(of) if !of.is_angle() => out[0] = out[0].max(miss),
-                _ => out[1] = out[1].max(miss),
-            }
-        }
-        [out[0].max(apart.sqrt()), out[1]]
-    }
-
-    /// Adds to its load in this step.
-    fn bear(&mut self, load: [Vec3; 2]) {
-        self.load.iter_mut().zip(load).for_each(|(sum, own)| *sum += own);
-    }
-
-    /// Returns its load by these impulses of its rows, at this arm from the center of mass of its
-    /// first body. \[N s, N m s\]
-    fn load_by<const L: usize, const A: usize>(
-        &self,
-        axes: &[Axis<f64, L, A>],
-        impulses: impl Iterator<Item = f64>,
-        arm: Vec3,
-    ) -> [Vec3; 2] {
-        let [mut pull, mut turn] = [Vec3::ZERO; 2];
-        for (axis, impulse) in axes.iter().zip(impulses) {
-            let Velocity { linear, angular } = axis.jacobian[0] * impulse;
-            (0..L).for_each(|i| pull[i] += linear[i]);
-            (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] += angular[i]);
-        }
-        let sign = if self.bodies[0] == WORLD { -1.0 } else { 1.0 };
-        [pull * sign, (turn - cross(arm, pull)) * sign]
-    }
-
-    /// Returns its bodies, without the world.
-    pub(crate) fn members(&self) -> impl Iterator<Item = u32> + '_ {
-        self.bodies.iter().copied().filter(|body| *body != WORLD)
     }
 }
 

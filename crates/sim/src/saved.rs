@@ -5,8 +5,10 @@ use drystone_solver::assembled::{Assembly, ProblemError};
 use drystone_solver::{System, Vector};
 
 use crate::geometry::Geometry;
+use crate::joint::places::BodyPlaces;
+use crate::joint::record::WORLD;
 use crate::joint::rows::{Role, RowPlan};
-use crate::joints::{BodyPlaces, Joints, WORLD};
+use crate::joints::Joints;
 
 /// Input of the solver in a substep.
 #[derive(Clone, Debug)]

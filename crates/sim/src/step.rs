@@ -86,6 +86,12 @@ impl Search {
         (self.substeps - self.left) as f32 / self.substeps as f32
     }
 
+    /// Ends the part after this number of substeps; later parts take the others.
+    fn end_after(&mut self, substeps: u32) {
+        self.left += self.due - substeps;
+        self.due = substeps;
+    }
+
     /// Returns the distance up to which contact points are reused. \[m\]
     fn reuse(&self, settings: &StepSettings) -> f32 {
         let several = self.due < self.substeps;
@@ -134,10 +140,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let same = self.find_manifolds(&search);
             let carried = self.attach_carriers(search.passed_before());
             timer.lap(Stage::Manifolds);
-            let plan = self.build_rows(&search, same && !carried);
+            let mut plan = self.build_rows(&search, same && !carried);
             timer.lap(Stage::Rows);
             let earlier = self.execution.saved.take();
-            self.take_substeps(&plan, &mut timer, &mut report);
+            self.take_substeps(&mut plan, &mut timer, &mut report);
+            search.end_after(plan.params.substeps);
             self.execution.keep_impacts(earlier);
             self.integrate_poses(&plan, &mut report);
             self.detach_carriers();
@@ -207,6 +214,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn next_search(&mut self, search: &mut Search) -> bool {
         if search.left == 0 {
             return false;
+        }
+        if self.solver.joints.snapped() > 0 {
+            self.pair_again();
         }
         search.number += 1;
         search.due = search.due.min(search.left);
@@ -387,7 +397,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.sleep.placed.iter().for_each(|&body| self.scratch.active[body as usize] = true);
     }
 
-    /// Wakes sleeping bodies that an active body touches. Returns true if there were any.
+    /// Wakes sleeping bodies that an active body touches, and those that are joined to them. Returns
+    /// true if there were any.
     fn wake_touched(&mut self) -> bool {
         let mut any = false;
         if self.sleep.count() == 0 {
@@ -397,6 +408,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             for body in self.contacts.cache.manifolds[manifold].bodies {
                 any |= self.sleep.is_sleeping(body as usize) && self.wake_slot(body as usize);
             }
+        }
+        if any {
+            self.wake_along_joints();
         }
         any
     }
@@ -457,7 +471,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Returns the plan for the substeps of a part.
     fn plan(&self, search: &Search) -> PartPlan<L> {
-        let Search { h, due: substeps, left, .. } = *search;
+        let Search { h, due: substeps, left, number, most, .. } = *search;
         let settings = &self.settings;
         let solving = settings.tolerance > 0.0;
         let certified_substep = (left == 0 && settings.certify).then_some(substeps - 1);
@@ -491,6 +505,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 || self.execution.saving
                 || self.execution.recording
                 || !self.solver.joints.is_idle(),
+            may_end: number + 1 < most,
         }
     }
 

@@ -15,7 +15,7 @@ use drystone_solver::thread_pool::Divide;
 use crate::bodies::Bodies;
 use crate::cache::Pair;
 use crate::geometry::Geometry;
-use crate::joints::BodyPlaces;
+use crate::joint::places::BodyPlaces;
 use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
 use crate::report::{Stage, StageTimer, StepReport};
@@ -38,6 +38,9 @@ pub(crate) struct PartPlan<const L: usize> {
     /// True if all bodies go through one substep together before the next begins. If false, each
     /// batch goes through all substeps by itself.
     pub(crate) whole_system: bool,
+    /// True if the part ends after a substep in which joints break: bodies that these kept from
+    /// colliding need contacts.
+    pub(crate) may_end: bool,
 }
 
 /// Number of substeps after which M^-1 J^T gamma is recomputed from the contacts
@@ -188,25 +191,26 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for SubstepContex
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Takes the substeps of a part, and writes the data of contacts for the next step to the
-    /// cache.
+    /// cache. Where joints break the part may end early: the plan then has fewer substeps.
     pub(crate) fn take_substeps(
         &mut self,
-        plan: &PartPlan<L>,
+        plan: &mut PartPlan<L>,
         timer: &mut StageTimer,
         report: &mut StepReport,
     ) {
-        let params = &plan.params;
         if plan.whole_system {
-            let mut renewed = false;
-            for substep in 0..params.substeps {
+            let (mut renewed, mut substep) = (false, 0);
+            while substep < plan.params.substeps {
                 self.substep(plan, substep, &mut renewed, timer, report);
+                substep += 1;
             }
-            self.context().store_impulses(params);
+            self.context().store_impulses(&plan.params);
             self.record_pairs();
             timer.lap(Stage::Remember);
         } else {
-            self.context().run_by_batch(params, timer);
+            self.context().run_by_batch(&plan.params, timer);
         }
+        let params = &plan.params;
         let ConstraintSolver { lanes, surfaces, .. } = &mut self.solver;
         surfaces.take_back(&self.colliders, &self.contacts.pairs, lanes);
         let sweeps = if plan.solving { 1 } else { 1 + params.iterations };
@@ -227,22 +231,26 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// of [`SubstepContext::run_by_batch`].
     fn substep(
         &mut self,
-        plan: &PartPlan<L>,
+        plan: &mut PartPlan<L>,
         substep: u32,
         renewed: &mut bool,
         timer: &mut StageTimer,
         report: &mut StepReport,
     ) {
-        let params = &plan.params;
         self.accelerate(plan, *renewed, timer, report);
-        let turning = self.context().warm_start(substep, *renewed, params);
+        let turning = self.context().warm_start(substep, *renewed, &plan.params);
         timer.lap(Stage::WarmStart);
-        self.warm_start_joints(params.h);
+        self.warm_start_joints(plan.params.h);
         timer.lap(Stage::Joints);
         self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
         let with_residuals = plan.certified_substep == Some(substep);
+        let whole = self.solver.joints.snapped();
         self.solve(plan, (substep, turning), with_residuals, timer, report);
+        if plan.may_end && self.solver.joints.snapped() > whole {
+            plan.params.substeps = substep + 1;
+        }
+        let params = &plan.params;
         if with_residuals {
             if !self.find_joint_jams(report) {
                 self.find_jams(report);
@@ -294,12 +302,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.context().solve(&plan.params, substep, turning);
             timer.lap(Stage::Solve);
             self.sweep_and_snap(false);
-            for _ in 0..MOST_AIMS {
-                if !self.aim_joints_again() {
-                    break;
-                }
-                self.solve_aiming_joints();
-            }
+            self.aim_joints_again(true);
             if self.tame_joints() {
                 self.solve_aiming_joints();
             }
@@ -315,7 +318,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.refine(with_residuals, timer, report);
         for _ in 0..MOST_AIMS {
-            if !self.aim_joints_again() {
+            if !self.aim_joints_again(false) {
                 break;
             }
             self.refine(with_residuals, timer, report);

@@ -18,7 +18,7 @@ use crate::colliders::{Colliders, Definitions};
 use crate::geometry::{Geometry, MassProperties};
 use crate::ids::{self, BodyId, ColliderId, JointId, put};
 use crate::input::{self, InputError};
-use crate::joints::JointRecord;
+use crate::joint::record::JointRecord;
 use crate::report::Measure;
 use crate::saved::SavedSystem;
 use crate::settings::StepSettings;
@@ -157,6 +157,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if threads != self.execution.pool.threads() {
             self.execution.pool = Arc::new(ThreadPool::new(threads));
             self.solver.lanes.set_pool(Arc::clone(&self.execution.pool));
+            self.solver.joints.set_pool(Arc::clone(&self.execution.pool));
             self.execution.tuner = ThreadTuner::default();
         }
     }
@@ -337,6 +338,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         (self.sleep.last_gravity, self.sleep.last_delay) =
             (self.gravity, self.settings.sleep_delay);
+        // Bodies that have been placed so far wake the sleepers near them, but not this one.
+        for placed in std::mem::take(&mut self.sleep.placed) {
+            self.wake_neighbors(placed as usize);
+        }
         self.sleep.enter_alone(slot);
         self.bodies.velocities[slot] = Velocity::ZERO;
         Ok(())

@@ -19,17 +19,23 @@
 //! M (v - v*) = M (v - v_0) + J^T r_0. The masses take part only in further steps of a visit.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use crate::cholesky::BlockMatrix;
 use crate::island::Islands;
 use crate::law::{Interval, Law, SmoothLaw};
 use crate::primal::{self, Projection};
+use crate::thread_pool::ThreadPool;
 use crate::{Axis, InverseMass, Joint, Vector, Velocity};
 
 /// Largest number of steps of a visit. Each takes rows to or from their bounds.
 const MOST_STEPS: usize = 40;
 
-/// Joints, mechanism by mechanism, and what solves them.
+/// Rows in a grain of work for a thread.
+const GRAIN: usize = 16;
+
+/// Joints, mechanism by mechanism, and what solves them. No two mechanisms share a body that moves, so
+/// threads take one each.
 #[derive(Clone, Debug, Default)]
 pub struct Mechanisms<const L: usize, const A: usize> {
     /// The joints. Those of a mechanism follow each other.
@@ -37,6 +43,17 @@ pub struct Mechanisms<const L: usize, const A: usize> {
     /// Their rows, in `f64`: velocities rounded to `f32` would change impulses of stiff rows.
     pub axes: Vec<Axis<f64, L, A>>,
     mechanisms: Vec<Mechanism<L, A>>,
+    pool: Arc<ThreadPool>,
+}
+
+/// One of the [`Mechanisms`] for a thread, with its own rows.
+#[derive(Debug)]
+pub struct MechanismPart<'a, const L: usize, const A: usize> {
+    /// Its joints.
+    pub joints: &'a [Joint],
+    /// Their rows, joint by joint.
+    pub axes: &'a mut [Axis<f64, L, A>],
+    mechanism: &'a mut Mechanism<L, A>,
 }
 
 /// Place of a body that cannot move.
@@ -191,44 +208,70 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
         self.renew(masses);
     }
 
-    /// Returns for each mechanism its joints and its bodies, fixed ones included.
-    pub fn groups(&self) -> impl Iterator<Item = (Range<usize>, &[u32])> {
-        self.mechanisms.iter().map(|own| (own.joints.clone(), own.bodies.as_slice()))
+    /// Sets the thread pool that solves the mechanisms. Results do not depend on it.
+    pub fn set_pool(&mut self, pool: Arc<ThreadPool>) {
+        self.pool = pool;
+    }
+
+    /// Works on each mechanism, with one of the `items` for each. Threads share the work.
+    pub fn for_each<T: Send>(
+        &mut self,
+        items: impl Iterator<Item = T> + Send,
+        work: impl Fn(MechanismPart<'_, L, A>, T) + Sync,
+    ) {
+        let pool = Arc::clone(&self.pool);
+        let useful = self.mechanisms.len() > 1 && pool.is_useful(self.axes.len() / GRAIN);
+        pool.for_each(useful, self.parts().zip(items), |(part, item)| work(part, item));
+    }
+
+    /// Returns each mechanism with its own rows.
+    pub fn parts(&mut self) -> impl Iterator<Item = MechanismPart<'_, L, A>> + Send {
+        let Self { joints, axes, mechanisms, .. } = self;
+        let (joints, mut left) = (joints.as_slice(), axes.as_mut_slice());
+        mechanisms.iter_mut().map(move |mechanism| {
+            let joints = &joints[mechanism.joints.clone()];
+            let count = joints.iter().map(|joint| joint.count as usize).sum();
+            let (axes, later) = std::mem::take(&mut left).split_at_mut(count);
+            left = later;
+            MechanismPart { joints, axes, mechanism }
+        })
     }
 
     /// Takes the present masses of the bodies, and drops the factors of H. To be called after a
     /// change of masses, J or compliances.
     pub fn renew(&mut self, masses: &[InverseMass<f32, L, A>]) {
-        let Self { joints, axes, mechanisms } = self;
-        for joint in joints.iter() {
-            let own = &joint.bodies.map(|body| masses[body as usize].cast());
-            axes[joint.axes()].iter_mut().for_each(|axis| axis.prepare(own));
-        }
-        for mechanism in mechanisms {
-            mechanism.renew(&joints[mechanism.joints.clone()], axes, masses);
-        }
+        self.for_each(std::iter::repeat(()), |mut part, ()| part.renew(masses));
     }
 
     /// Visits every mechanism once: brings all rows of its joints to their targets together, from
     /// the present velocities, which include the impulses of the rows.
     pub fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.solve_those(|_| true, velocities);
+        self.solve_those(std::iter::repeat(true), velocities);
     }
 
-    /// [Visits](Self::solve) the mechanisms of these indices.
+    /// [Visits](Self::solve) the mechanisms that are due.
     pub fn solve_those(
         &mut self,
-        is_due: impl Fn(usize) -> bool,
+        due: impl Iterator<Item = bool> + Clone + Send,
         velocities: &mut [Velocity<f32, L, A>],
     ) {
-        let Self { joints, axes, mechanisms } = self;
-        let due = mechanisms.iter_mut().enumerate().filter(|(index, _)| is_due(*index));
-        for (_, mechanism) in due {
-            let joints = &joints[mechanism.joints.clone()];
-            match L + A {
-                2 => mechanism.solve::<2>(joints, axes, velocities),
-                3 => mechanism.solve::<3>(joints, axes, velocities),
-                _ => mechanism.solve::<6>(joints, axes, velocities),
+        let seen: &[Velocity<f32, L, A>] = velocities;
+        self.for_each(due.clone(), |mut part, is_due| {
+            if is_due {
+                part.load(seen);
+                part.solve();
+            }
+        });
+        self.store(due, velocities);
+    }
+
+    /// Stores the velocities of the mechanisms that are due.
+    pub fn store(&self, due: impl Iterator<Item = bool>, velocities: &mut [Velocity<f32, L, A>]) {
+        for (mechanism, _) in self.mechanisms.iter().zip(due).filter(|(_, is_due)| *is_due) {
+            for (index, &body) in mechanism.bodies.iter().enumerate() {
+                if mechanism.places[index] != FIXED {
+                    velocities[body as usize] = mechanism.velocity(index);
+                }
             }
         }
     }
@@ -236,17 +279,64 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
     /// Adds the impulses of the rows to the velocities: v += M^-1 J^T gamma.
     pub fn apply(&self, velocities: &mut [Velocity<f32, L, A>], masses: &[InverseMass<f32, L, A>]) {
         for joint in &self.joints {
-            let mut momenta = [Velocity::ZERO; 2];
-            for axis in &self.axes[joint.axes()] {
-                for (momentum, jacobian) in momenta.iter_mut().zip(&axis.jacobian) {
-                    *momentum += *jacobian * axis.impulse;
-                }
+            let gains = gains(joint, &self.axes[joint.axes()], masses);
+            for (body, gain) in joint.bodies.into_iter().zip(gains) {
+                velocities[body as usize] += gain;
             }
-            for (body, momentum) in joint.bodies.into_iter().zip(momenta) {
-                let body = body as usize;
-                let inverse: InverseMass<f64, L, A> = masses[body].cast();
-                velocities[body] += inverse.velocity(&momentum).cast();
+        }
+    }
+}
+
+impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
+    /// Returns for each joint the indices of its bodies in the mechanism.
+    pub fn sides(&self) -> impl Iterator<Item = [usize; 2]> {
+        self.mechanism.links.iter().map(|link| link.sides)
+    }
+
+    /// Returns its bodies, fixed ones included.
+    pub fn bodies(&self) -> &[u32] {
+        &self.mechanism.bodies
+    }
+
+    /// Adds the impulses of the rows to velocities of its [`bodies`](Self::bodies).
+    pub fn apply(&self, velocities: &mut [Velocity<f32, L, A>], masses: &[InverseMass<f32, L, A>]) {
+        let mut left = &*self.axes;
+        for (joint, link) in self.joints.iter().zip(&self.mechanism.links) {
+            let (axes, later) = left.split_at(joint.count as usize);
+            left = later;
+            for (side, gain) in link.sides.into_iter().zip(gains(joint, axes, masses)) {
+                velocities[side] += gain;
             }
+        }
+    }
+
+    /// Takes the present masses of the bodies, and drops the factor of H.
+    pub fn renew(&mut self, masses: &[InverseMass<f32, L, A>]) {
+        let mut axes = self.axes.iter_mut();
+        for joint in self.joints {
+            let own = &joint.bodies.map(|body| masses[body as usize].cast());
+            axes.by_ref().take(joint.count as usize).for_each(|axis| axis.prepare(own));
+        }
+        self.mechanism.renew(self.axes, masses);
+    }
+
+    /// Takes the velocities of the bodies.
+    pub fn load(&mut self, velocities: &[Velocity<f32, L, A>]) {
+        self.mechanism.take(velocities);
+    }
+
+    /// Returns the velocity of a body of the mechanism.
+    pub fn velocity(&self, index: usize) -> Velocity<f32, L, A> {
+        self.mechanism.velocity(index)
+    }
+
+    /// Visits the mechanism, from the velocities that it has.
+    pub fn solve(&mut self) {
+        let Self { joints, axes, mechanism } = self;
+        match L + A {
+            2 => mechanism.solve::<2>(joints, axes),
+            3 => mechanism.solve::<3>(joints, axes),
+            _ => mechanism.solve::<6>(joints, axes),
         }
     }
 }
@@ -298,12 +388,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
     }
 
     /// Takes the masses of the bodies, and J.
-    fn renew(
-        &mut self,
-        joints: &[Joint],
-        axes: &[Axis<f64, L, A>],
-        masses: &[InverseMass<f32, L, A>],
-    ) {
+    fn renew(&mut self, axes: &[Axis<f64, L, A>], masses: &[InverseMass<f32, L, A>]) {
         self.masses.clear();
         self.free.clear();
         for &body in &self.bodies {
@@ -317,7 +402,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
             self.free.push(free);
         }
         self.jacobians.clear();
-        for axis in joints.iter().flat_map(|joint| &axes[joint.axes()]) {
+        for axis in axes {
             for Velocity { linear, angular } in &axis.jacobian {
                 self.jacobians.extend_from_slice(&linear.0);
                 self.jacobians.extend_from_slice(&angular.0);
@@ -327,14 +412,26 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
         self.has_factor = false;
     }
 
+    /// Takes the velocities of the bodies.
+    fn take(&mut self, velocities: &[Velocity<f32, L, A>]) {
+        self.velocities.clear();
+        for &body in &self.bodies {
+            let Velocity { linear, angular } = &velocities[body as usize];
+            self.velocities.extend(linear.0.iter().chain(&angular.0).map(|own| f64::from(*own)));
+        }
+    }
+
+    fn velocity(&self, index: usize) -> Velocity<f32, L, A> {
+        let own = &self.velocities[index * (L + A)..][..L + A];
+        Velocity {
+            linear: Vector(std::array::from_fn(|i| own[i] as f32)),
+            angular: Vector(std::array::from_fn(|i| own[L + i] as f32)),
+        }
+    }
+
     /// Brings the rows to their targets. N = L + A.
-    fn solve<const N: usize>(
-        &mut self,
-        joints: &[Joint],
-        axes: &mut [Axis<f64, L, A>],
-        velocities: &mut [Velocity<f32, L, A>],
-    ) {
-        self.load::<N>(joints, axes, velocities);
+    fn solve<const N: usize>(&mut self, joints: &[Joint], axes: &mut [Axis<f64, L, A>]) {
+        self.load::<N>(joints, axes);
         for step in 0..MOST_STEPS {
             let mut rows = self.rows.iter().zip(&self.factored);
             let is_same = self.has_factor && rows.all(|(row, was)| row.is_loaded() == *was);
@@ -346,39 +443,22 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
                 break;
             }
         }
-        for (axis, row) in joints.iter().flat_map(Joint::axes).zip(&self.rows) {
-            axes[axis].impulse = row.response;
+        for (axis, row) in axes.iter_mut().zip(&self.rows) {
+            axis.impulse = row.response;
         }
-        let (own, _) = self.velocities.as_chunks::<N>();
-        for (&body, own) in self.bodies.iter().zip(own) {
-            velocities[body as usize] = Velocity {
-                linear: Vector(std::array::from_fn(|i| own[i] as f32)),
-                angular: Vector(std::array::from_fn(|i| own[L + i] as f32)),
-            };
-        }
+        // The world has them in single precision, whether or not another visit comes between.
+        self.velocities.iter_mut().for_each(|own| *own = f64::from(*own as f32));
     }
 
-    /// Takes the velocities, and the laws and impulses of the rows. Drops the factor if a
-    /// compliance has changed.
-    fn load<const N: usize>(
-        &mut self,
-        joints: &[Joint],
-        axes: &[Axis<f64, L, A>],
-        velocities: &[Velocity<f32, L, A>],
-    ) {
-        self.velocities.clear();
-        for &body in &self.bodies {
-            let Velocity { linear, angular } = &velocities[body as usize];
-            self.velocities.extend(linear.0.iter().chain(&angular.0).map(|own| f64::from(*own)));
-        }
+    /// Takes the laws and impulses of the rows. Drops the factor if a compliance has changed.
+    fn load<const N: usize>(&mut self, joints: &[Joint], axes: &[Axis<f64, L, A>]) {
         self.start.clone_from(&self.velocities);
         let (own, _) = self.velocities.as_chunks::<N>();
         let (jacobians, _) = self.jacobians.as_chunks::<N>();
-        let (mut rows, mut jacobians) = (self.rows.iter_mut(), jacobians.chunks_exact(2));
+        let mut all = axes.iter().zip(&mut self.rows).zip(jacobians.chunks_exact(2));
         for (joint, link) in joints.iter().zip(&self.links) {
             let [a, b] = link.sides.map(|side| &own[side]);
-            let own = axes[joint.axes()].iter().zip(&mut rows).zip(&mut jacobians);
-            for ((axis, row), jacobian) in own {
+            for ((axis, row), jacobian) in all.by_ref().take(joint.count as usize) {
                 let compliance = row.law.compliance;
                 row.take(axis);
                 self.has_factor &= row.law.compliance == compliance;
@@ -525,6 +605,24 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
             constant + linear * length - work.sum::<f64>()
         })
     }
+}
+
+/// Returns M^-1 J^T gamma of a joint for each of its bodies.
+fn gains<const L: usize, const A: usize>(
+    joint: &Joint,
+    axes: &[Axis<f64, L, A>],
+    masses: &[InverseMass<f32, L, A>],
+) -> [Velocity<f32, L, A>; 2] {
+    let mut momenta = [Velocity::ZERO; 2];
+    for axis in axes {
+        for (momentum, jacobian) in momenta.iter_mut().zip(&axis.jacobian) {
+            *momentum += *jacobian * axis.impulse;
+        }
+    }
+    [0, 1].map(|side: usize| {
+        let inverse: InverseMass<f64, L, A> = masses[joint.bodies[side] as usize].cast();
+        inverse.velocity(&momenta[side]).cast()
+    })
 }
 
 #[inline(always)]

@@ -1,6 +1,8 @@
 //! Bodies that follow a track and are released, that sleep until something hits them, and that a
 //! constant force pushes: by formula, and with the same bits from a checkpoint.
 
+use std::path::Path;
+
 use drystone::StepSettings;
 use drystone_bake::{AnyWorld, BuildError, WorldKind};
 use drystone_scene::{Body, Motion, Rotation, ShapeKind, Track};
@@ -141,6 +143,22 @@ fn sleepers_wake_when_they_are_hit() {
             assert_eq!(height(&world, 3), 3.0);
         }
     }
+}
+
+/// Bodies of a scene that start asleep stay where they are, although joints hold them together and one
+/// lies in the floor.
+#[test]
+fn joints_and_floors_of_a_scene_wake_no_sleepers() {
+    let text = "gravity = [0, -9.81, 0]
+        bodies = [{ name = 'a', position = [0, 0.19, 0], start_asleep = true, radius = 0.2 },
+            { name = 'b', position = [1, 5, 0], start_asleep = true, radius = 0.2 },
+            { motion = 'static', shapes = [{ type = 'halfspace', normal = [0, 1, 0] }] }]
+        joints = [{ type = 'fixed', bodies = ['a', 'b'] }]";
+    let text = text.replace("radius = 0.2", "shapes = [{ type = 'sphere', radius = 0.2 }]");
+    let scene = drystone_scene::format::read_toml(Path::new("s.toml"), &text).unwrap().scene;
+    let mut world = drystone_bake::build(&scene, StepSettings::certified()).unwrap();
+    run(&mut world, 30);
+    assert_eq!([0, 1].map(|index| height(&world, index)), [0.19f32.into(), 5.0]);
 }
 
 /// A constant force accelerates by F / m, and not while the body sleeps or follows a track.

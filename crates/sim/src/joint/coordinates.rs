@@ -14,6 +14,8 @@
 //!
 //! The rows follow from them by the arms from the centers of mass.
 
+use std::cell::OnceCell;
+
 use drystone_solver::{Vector, Velocity};
 
 use super::Coordinate;
@@ -153,7 +155,7 @@ impl RowCoordinate {
 }
 
 /// The frames of a joint in the world, and the centers of mass of its bodies.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct JointPlaces {
     /// Frames a and b.
     pub(crate) frames: [Place; 2],
@@ -161,20 +163,31 @@ pub(crate) struct JointPlaces {
     pub(crate) start: [Place; 2],
     /// Centers of mass of a and b. \[m\]
     pub(crate) centers: [Vec3; 2],
+    /// Frame a in frame b.
+    relative: Place,
+    /// Its rotation vector, and that of its swing, once a row has asked for them. \[rad\]
+    rotation: OnceCell<Vec3>,
+    swing: OnceCell<Vec3>,
+}
+
+/// Value of a coordinate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reading {
+    /// q, without the turns of its angles. \[m, or rad\]
+    pub(crate) value: f64,
+    /// Angles in q that count turns, each with its share: dq = share d(angle). \[rad, 1 or m/rad\]
+    pub(crate) angles: [[f64; 2]; 2],
 }
 
 /// A coordinate and its row of J.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Evaluated {
-    /// q, without the turns of its angles. \[m, or rad\]
-    pub(crate) value: f64,
-    /// Angles in q that count turns, each with its share: dq = share d(angle). \[rad, 1 or m/rad\]
-    pub(crate) angles: [[f64; 2]; 2],
+    pub(crate) reading: Reading,
     /// J_a and J_b.
     pub(crate) rows: [Velocity<f64, 3, 3>; 2],
 }
 
-impl Evaluated {
+impl Reading {
     /// Returns q with the turns that take its angles next to those before, and these angles.
     pub(crate) fn turned(&self, before: &[f64; 2]) -> (f64, [f64; 2]) {
         let mut value = self.value;
@@ -222,22 +235,49 @@ fn polar(vector: Vec3, otherwise: Vec3) -> (f64, Vec3) {
 }
 
 impl JointPlaces {
+    pub(crate) fn new(frames: [Place; 2], start: [Place; 2], centers: [Vec3; 2]) -> Self {
+        let relative = frames[1].local(&frames[0]);
+        let (rotation, swing) = (OnceCell::new(), OnceCell::new());
+        Self { frames, start, centers, relative, rotation, swing }
+    }
+
+    /// Reads a coordinate.
+    pub(crate) fn read(&self, coordinate: &RowCoordinate) -> Reading {
+        match self.evaluate_in_world(coordinate) {
+            Some(of_two) => of_two.reading,
+            None => self.measure(coordinate).0,
+        }
+    }
+
     /// Evaluates a coordinate and its row.
     pub(crate) fn evaluate(&self, coordinate: &RowCoordinate) -> Evaluated {
-        if let RowCoordinate::Of(coordinate) = coordinate
-            && let Some(of_two) = self.evaluate_in_world(coordinate)
-        {
+        if let Some(of_two) = self.evaluate_in_world(coordinate) {
             return of_two;
         }
+        let (reading, Wrench { linear, angular }) = self.measure(coordinate);
         let [a, b] = &self.frames;
-        let relative = b.local(a);
-        let (value, Wrench { linear, angular }) = match coordinate {
-            RowCoordinate::Of(coordinate) => of_relative(coordinate, &relative),
+        let (linear, angular) = (b.turn.rotate(linear), b.turn.rotate(angular));
+        let momentum = |center: Vec3, sign: f64| Velocity {
+            linear: linear * sign,
+            angular: (angular + cross(a.position - center, linear)) * sign,
+        };
+        let rows = [momentum(self.centers[0], 1.0), momentum(self.centers[1], -1.0)];
+        Evaluated { reading, rows }
+    }
+
+    /// Measures a coordinate of frame a in frame b.
+    #[inline(always)]
+    fn measure(&self, coordinate: &RowCoordinate) -> (Reading, Wrench) {
+        let relative = &self.relative;
+        let (value, wrench) = match coordinate {
+            RowCoordinate::Of(coordinate) => of_relative(coordinate, relative),
             RowCoordinate::RotationVector(axis) => {
-                (relative.turn.vector()[*axis], Wrench { linear: Vec3::ZERO, angular: unit(*axis) })
+                let vector = self.rotation.get_or_init(|| relative.turn.vector());
+                angular(vector[*axis], unit(*axis))
             }
             RowCoordinate::SwingVector(axis) => {
-                (swing(&relative.turn)[*axis], Wrench { linear: Vec3::ZERO, angular: unit(*axis) })
+                let vector = self.swing.get_or_init(|| swing(&relative.turn));
+                angular(vector[*axis], unit(*axis))
             }
         };
         let angles = match coordinate {
@@ -247,17 +287,12 @@ impl JointPlaces {
             RowCoordinate::Of(of) if of.is_angle() => [[value, 1.0], [0.0; 2]],
             _ => [[0.0; 2]; 2],
         };
-        let (linear, angular) = (b.turn.rotate(linear), b.turn.rotate(angular));
-        let momentum = |center: Vec3, sign: f64| Velocity {
-            linear: linear * sign,
-            angular: (angular + cross(a.position - center, linear)) * sign,
-        };
-        let rows = [momentum(self.centers[0], 1.0), momentum(self.centers[1], -1.0)];
-        Evaluated { value, angles, rows }
+        (Reading { value, angles }, wrench)
     }
 
     /// Evaluates a coordinate that measures both bodies against the world; `None` for another one.
-    fn evaluate_in_world(&self, coordinate: &Coordinate) -> Option<Evaluated> {
+    fn evaluate_in_world(&self, coordinate: &RowCoordinate) -> Option<Evaluated> {
+        let RowCoordinate::Of(coordinate) = coordinate else { return None };
         let turned = |side: usize| {
             let (frame, start) = (&self.frames[side], &self.start[side]);
             let turn = start.turn.inverse().of(&frame.turn);
@@ -294,11 +329,12 @@ impl JointPlaces {
             }
             _ => return None,
         };
-        Some(Evaluated { value, angles, rows })
+        Some(Evaluated { reading: Reading { value, angles }, rows })
     }
 }
 
 /// Returns the twist angle of a rotation \[rad\], and the rotation axis of its rate.
+#[inline(always)]
 fn twist(turn: &Turn) -> (f64, Vec3) {
     let [x, _, _, w] = turn.0;
     let e = turn.rotate(X);
@@ -315,6 +351,7 @@ fn swing(turn: &Turn) -> Vec3 {
 }
 
 /// Evaluates a coordinate of frame a in the coordinates of frame b.
+#[inline(always)]
 fn of_relative(coordinate: &Coordinate, relative: &Place) -> (f64, Wrench) {
     let Place { position: p, turn } = relative;
     match *coordinate {
@@ -347,6 +384,7 @@ fn of_relative(coordinate: &Coordinate, relative: &Place) -> (f64, Wrench) {
 }
 
 /// Evaluates a coordinate of the direction e of the x axis of frame a in frame b.
+#[inline(always)]
 fn of_direction(coordinate: &Coordinate, e: Vec3) -> (f64, Wrench) {
     let (sine, axis) = polar(cross(X, e), Z);
     match *coordinate {
@@ -374,6 +412,7 @@ fn of_direction(coordinate: &Coordinate, e: Vec3) -> (f64, Wrench) {
 }
 
 /// Evaluates a Cardan angle: R = R_z(gamma) R_y(beta) R_x(alpha).
+#[inline(always)]
 fn cardan(axis: usize, turn: &Turn) -> (f64, Wrench) {
     let e = turn.rotate(X);
     let beta = libm::asin((-e[2]).clamp(-1.0, 1.0));
@@ -448,17 +487,14 @@ mod tests {
 
     /// Moves the bodies of a joint by velocities times a time.
     fn moved(at: &JointPlaces, velocities: &[Velocity<f64, 3, 3>; 2], time: f64) -> JointPlaces {
-        let mut out = *at;
-        for side in 0..2 {
-            let velocity = &velocities[side];
-            let center = at.centers[side] + velocity.linear * time;
-            let turn = Turn::by(velocity.angular * time);
+        let centers = [0, 1].map(|side| at.centers[side] + velocities[side].linear * time);
+        let frames = [0, 1].map(|side: usize| {
+            let turn = Turn::by(velocities[side].angular * time);
             let arm = at.frames[side].position - at.centers[side];
-            out.centers[side] = center;
-            out.frames[side] =
-                Place { position: center + turn.rotate(arm), turn: turn.of(&at.frames[side].turn) };
-        }
-        out
+            let position = centers[side] + turn.rotate(arm);
+            Place { position, turn: turn.of(&at.frames[side].turn) }
+        });
+        JointPlaces::new(frames, at.start, centers)
     }
 
     /// The row of each coordinate is its derivative: J v is the change of q along random motions,
@@ -470,7 +506,7 @@ mod tests {
             let frames = [random.place(), random.place()];
             let start = [random.place(), random.place()];
             let centers = [0, 1].map(|_| random.vector(1.0));
-            let at = JointPlaces { frames, start, centers };
+            let at = JointPlaces::new(frames, start, centers);
             let velocities = [0, 1]
                 .map(|_| Velocity { linear: random.vector(1.0), angular: random.vector(1.0) });
             let e = frames[1].local(&frames[0]).turn.rotate(X);
@@ -486,7 +522,7 @@ mod tests {
                 let rate = rows[0].dot(&velocities[0]) + rows[1].dot(&velocities[1]);
                 let h = 1e-5;
                 let [before, after] =
-                    [-h, h].map(|time| moved(&at, &velocities, time).evaluate(coordinate));
+                    [-h, h].map(|time| moved(&at, &velocities, time).read(coordinate));
                 let (before, angles) = before.turned(&[0.0; 2]);
                 let found = (after.turned(&angles).0 - before) / (2.0 * h);
                 let error = (rate - found).abs() / (1.0 + rate.abs());
@@ -503,7 +539,7 @@ mod tests {
             let b = random.place();
             let frames = [b, b];
             let centers = [0, 1].map(|_| random.vector(1.0));
-            let at = JointPlaces { frames, start: frames, centers };
+            let at = JointPlaces::new(frames, frames, centers);
             let velocities = [0, 1]
                 .map(|_| Velocity { linear: random.vector(1.0), angular: random.vector(1.0) });
             for axis in 0..3 {
@@ -514,7 +550,7 @@ mod tests {
                     let rate = rows[0].dot(&velocities[0]) + rows[1].dot(&velocities[1]);
                     let h = 1e-6;
                     let [before, after] =
-                        [-h, h].map(|time| moved(&at, &velocities, time).evaluate(&coordinate));
+                        [-h, h].map(|time| moved(&at, &velocities, time).read(&coordinate));
                     let found = (after.value - before.value) / (2.0 * h);
                     assert!((rate - found).abs() < 1e-5, "{coordinate:?}: {rate} is {found}");
                 }

@@ -97,6 +97,24 @@ fn an_impact_wakes_the_island_that_it_hits_and_no_other() {
     }
 }
 
+/// A stack that is put to sleep on a floor sleeps on, until a wall is placed into it.
+#[test]
+fn a_stack_is_put_to_sleep_where_it_stands() {
+    for settings in [StepSettings::realtime(), StepSettings::certified()] {
+        let mut world: World3 = World::new(settings);
+        world.gravity = Vector([0.0, -GRAVITY, 0.0]);
+        add_floor(&mut world, &surface(0.6, 0.0));
+        let boxes = stack(&mut world, 0.0, 3);
+        boxes.iter().for_each(|&id| world.put_to_sleep(id).unwrap());
+        run(&mut world, 0.5);
+        assert!(all_sleep(&world, &boxes));
+        let wall = Rigid3::cuboid([0.1, 2.0, 1.0]);
+        world.add(body(Motion::Static, [0.3, 2.0, 0.0], wall, &surface(0.6, 0.0))).unwrap();
+        world.step(DT).unwrap();
+        assert!(none_sleeps(&world, &boxes));
+    }
+}
+
 /// Everything that can move a sleeping stack wakes it in one step: a new pose, velocity, force,
 /// gravity or setting, a moving support, and a removed body.
 #[test]

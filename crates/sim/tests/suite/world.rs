@@ -972,6 +972,26 @@ fn bodies_at_rest_are_certified_at_once() {
     (0..20).for_each(|step| assert_eq!(iterations(), 8, "{step} steps later"));
 }
 
+/// A stack of ten bricks that has been pushed comes to rest. At the aim of moving islands, the error
+/// left by each substep kept it swaying by 0.08 mm, at 1.3 mm/s.
+#[test]
+fn a_pushed_stack_stops_swaying() {
+    let material = surface(0.8, 0.0);
+    let mut world = World3::new(StepSettings::certified());
+    world.gravity = Vector([0.0, -9.81, 0.0]);
+    add_floor(&mut world, &material);
+    for height in (0..10).map(|level| 0.1 + 0.2 * level as f32) {
+        let brick = dynamic([0.0, height, 0.0], Rigid3::cuboid([0.2, 0.1, 0.1]), &material);
+        world.add(moving(brick, [0.0, 0.0, 0.01 * height])).unwrap();
+    }
+    run(&mut world, 3.0);
+    for step in 0..30 {
+        world.step(DT).unwrap();
+        let fastest = world.measure().fastest;
+        assert!(fastest < 3e-4, "{fastest} m/s after 3 s and {step} steps");
+    }
+}
+
 /// An island of infinite masses has no root mean square by mass. The solver gives it up in fewer
 /// than 8000 iterations per step.
 #[test]

@@ -393,6 +393,34 @@ fn a_ball_breaks_a_glued_wall() {
     }
 }
 
+/// A ball of 500 kg at 15 m/s drives one of two glued blocks into the other. The glue breaks in the
+/// middle of a step. From then on the blocks touch: contacts from the next step on let one pass 0.15 m
+/// into the other.
+#[test]
+fn what_breaks_apart_collides_within_the_step() {
+    for preset in Preset::both() {
+        let mut world: World3 = preset.weightless();
+        let cube = |x: f32| dynamic([x, 0.0, 0.0], Rigid3::cuboid([0.2; 3]), &Material::default());
+        let ids = [0.0, 0.4].map(|x| world.add(cube(x)).unwrap());
+        let breaking = Breaking { force: 100.0, ..Breaking::NEVER };
+        let glue = Joint::fixed(ids.map(Some)).at([0.2, 0.0, 0.0]).breaking(breaking);
+        let glue = world.join(glue).unwrap();
+        let mut ball = dynamic([-0.45, 0.0, 0.0], Rigid3::ball(0.2), &Material::default());
+        ball.inertia = Some(inertia(500.0, [8.0; 3]));
+        ball.velocity.linear = Vector([15.0, 0.0, 0.0]);
+        world.add(ball).unwrap();
+        let mut overlap = 0.0f32;
+        for _ in 0..10 {
+            world.step(DT).unwrap();
+            let [first, second] = ids.map(|id| place(&world, id)[0]);
+            overlap = overlap.max(0.4 - (second - first));
+        }
+        assert!(world.joint(glue).unwrap().broken);
+        let h = f64::from(DT) / f64::from(preset.settings.substeps);
+        preset.below("overlap of the blocks", f64::from(overlap), 15.0 * h);
+    }
+}
+
 /// Five elastic balls of 1 kg hang side by side on rods of 1 m. The first falls from 40 degrees: the
 /// last one rises, the others hang still, and so on for 6 s. The energy stays.
 #[test]

@@ -1,0 +1,467 @@
+//! [`Linkage`]: one mechanism in a substep: where its bodies are, and what its rows aim at.
+//!
+//! Linkages share no body that moves. So each is prepared and solved on a thread of its own.
+
+use std::ops::Range;
+
+use drystone_solver::mechanism::MechanismPart;
+use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Velocity};
+
+use super::coordinates::{JointPlaces, Place, Turn, Vec3};
+use super::places::{BodyPlaces, flattened, in_space};
+use super::record::{JointRecord, WORLD};
+use super::rows::{Motion, Role, RowParams};
+use super::tension::{self, Tension};
+use crate::bodies::Inertia;
+use crate::geometry::{Geometry, PRECESS_LANES, Spin};
+use crate::motion::SMALL_TURN;
+
+/// Fraction of the gap of a lock that a substep repairs. \[1\]
+const REPAIR: f64 = 0.25;
+
+/// Largest number of rounds in which targets follow the solution, for bodies that turn fast.
+pub(crate) const MOST_AIMS: usize = 4;
+
+/// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
+/// \[rad\]
+const FAST_TURN: f32 = 0.005;
+
+/// Energy that the locks of a mechanism add in a substep, as a part of what it has, beyond which their
+/// targets are wrong. \[1\]
+const MOST_GAIN: f64 = 0.5;
+
+/// Speed that locks may give a mechanism at rest. \[m/s\]
+const LEAST_SPEED: f64 = 1.0;
+
+/// Largest difference of an angle from a straight path in a substep. \[rad\]
+const MOST_CURVE: f64 = 0.3;
+
+/// Parameters of a row before J is computed.
+const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
+
+/// A mechanism of a world.
+#[derive(Clone, Debug)]
+pub(crate) struct Linkage<const L: usize, const A: usize> {
+    /// Its joints, among those that act.
+    pub(crate) joints: Range<usize>,
+    /// Its bodies, fixed ones included.
+    pub(crate) members: Vec<u32>,
+    /// By joint: its bodies, as indices of members.
+    sides: Vec<[usize; 2]>,
+    /// 1 / weight. \[1/N\]
+    compliance: f64,
+    /// Places of the members, now and as they will be at the end of the substep.
+    here: Vec<Place>,
+    ahead: Vec<Place>,
+    /// Velocities of the members by which they will be there.
+    pub(crate) expected: Vec<Velocity<f32, L, A>>,
+    /// Members that precess on their way.
+    spinning: Vec<usize>,
+    /// By joint: the vectors from the centers of mass of its bodies to its frame in a. \[m\]
+    pub(crate) arms: Vec<[Vec3; 2]>,
+    /// By row.
+    params: Vec<RowParams>,
+    /// q of each row, and the angles with their turns of each axis. \[m, or rad\]
+    values: Vec<f64>,
+    turns: Vec<[f64; 2]>,
+    /// Pulls on each member, and the inertia that they add to bodies.
+    tensions: Vec<Tension>,
+    /// True if pulls add inertia.
+    pub(crate) is_stiffened: bool,
+    /// True if a body touches another one.
+    pub(crate) touches: bool,
+    /// True if the targets are to follow the path that the joints leave.
+    pub(crate) aims: bool,
+    /// Largest change of a target when they were set last. \[m/s, or rad/s\]
+    change: f64,
+}
+
+/// The joints of a world by slot, and the slots of those that act.
+#[derive(Clone, Copy)]
+pub(crate) struct ActingJoints<'a> {
+    pub(crate) records: &'a [JointRecord],
+    pub(crate) acting: &'a [u32],
+}
+
+impl<'a> ActingJoints<'a> {
+    /// Returns the records of the joints of a linkage.
+    fn of<const L: usize, const A: usize>(
+        &self,
+        linkage: &Linkage<L, A>,
+    ) -> impl Iterator<Item = &'a JointRecord> + use<'a, L, A> {
+        let records = self.records;
+        self.acting[linkage.joints.clone()].iter().map(|&slot| &records[slot as usize])
+    }
+}
+
+/// What the targets of a linkage follow: the bodies, and how far they may be missed.
+pub(crate) struct Aim<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) joints: ActingJoints<'a>,
+    pub(crate) at: BodyPlaces<'a, G, L, A>,
+    /// Length of the substep. \[s\]
+    pub(crate) h: f64,
+    /// Miss at the end of the substep at which targets follow no more. \[m, or rad\]
+    pub(crate) least_miss: f64,
+}
+
+impl<const L: usize, const A: usize> Linkage<L, A> {
+    /// Creates the linkage of a mechanism of these bodies, which a lock may hold with a give of
+    /// `compliance` \[1/N\].
+    pub(crate) fn new(part: &MechanismPart<'_, L, A>, first: usize, compliance: f64) -> Self {
+        let members = part.bodies().to_vec();
+        let (count, rows) = (members.len(), part.axes.len());
+        Self {
+            joints: first..first + part.joints.len(),
+            members,
+            sides: part.sides().collect(),
+            compliance,
+            here: vec![Place::ORIGIN; count],
+            ahead: vec![Place::ORIGIN; count],
+            expected: Vec::with_capacity(count),
+            spinning: Vec::with_capacity(count),
+            arms: Vec::with_capacity(part.joints.len()),
+            params: vec![NO_PARAMS; rows],
+            values: Vec::with_capacity(rows),
+            turns: Vec::new(),
+            tensions: Vec::with_capacity(count),
+            is_stiffened: false,
+            touches: false,
+            aims: false,
+            change: 0.0,
+        }
+    }
+
+    /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps of
+    /// `h` \[s\]. A lock that carries the weight of the mechanism yields by `stretch` \[m\]. Repair
+    /// is at most as fast as `speed`. \[m/s\]
+    pub(crate) fn renew<G: Geometry<L, A>>(
+        &mut self,
+        at: &BodyPlaces<'_, G, L, A>,
+        joints: ActingJoints<'_>,
+        part: &mut MechanismPart<'_, L, A>,
+        [h, stretch, speed]: [f64; 3],
+    ) {
+        let masses = &at.bodies.inverse_masses;
+        self.look(at);
+        self.arms.clear();
+        self.values.clear();
+        self.turns.clear();
+        self.params.clear();
+        let mut first = 0;
+        for ((record, joint), &sides) in joints.of(self).zip(part.joints).zip(&self.sides) {
+            let axes = &mut part.axes[first..first + joint.count as usize];
+            first += axes.len();
+            let places = places_of(record, sides, &self.here);
+            self.arms.push(places.centers.map(|center| places.frames[0].position - center));
+            let turns = self.turns.len();
+            self.turns.extend_from_slice(&record.turns);
+            let turns = &mut self.turns[turns..];
+            for (axis, plan) in axes.iter_mut().zip(&record.rows) {
+                let found = places.evaluate(&plan.coordinate);
+                let (value, turned) = found.reading.turned(&record.turns[plan.axis]);
+                self.values.push(value);
+                turns[plan.axis] = turned;
+                axis.jacobian = [0, 1].map(|side| match record.bodies[side] {
+                    WORLD => Velocity::ZERO,
+                    _ => flattened(&found.rows[side]),
+                });
+                if record.bodies[0] == WORLD {
+                    axis.jacobian.swap(0, 1);
+                }
+            }
+            record.count_turns(&places, turns);
+            let own = joint.bodies.map(|body| masses[body as usize].cast());
+            let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
+            for (axis, plan) in axes.iter_mut().zip(&record.rows) {
+                let mobility = axis.mobility(&own);
+                let scale = if axis.is_turn() && unit > 0.0 { mobility / unit } else { 1.0 };
+                let compliance = REPAIR * stretch * self.compliance * scale / (h * h);
+                let repair = [REPAIR, speed * scale.sqrt()];
+                let params = RowParams { h, mobility, compliance, repair };
+                axis.law.compliance = plan.role.compliance(&params);
+                self.params.push(params);
+            }
+        }
+        part.renew(masses);
+    }
+
+    /// Finds the places of the bodies.
+    pub(crate) fn look<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) {
+        for (place, &body) in self.here.iter_mut().zip(&self.members) {
+            *place = at.of(body);
+        }
+    }
+
+    /// Passes the coordinates that [`renew`](Self::renew) found on to the joints.
+    pub(crate) fn pass_on(&self, records: &mut [JointRecord], acting: &[u32]) {
+        let (mut values, mut turns) = (self.values.iter(), self.turns.iter());
+        for &slot in &acting[self.joints.clone()] {
+            let record = &mut records[slot as usize];
+            record.states.iter_mut().zip(&mut values).for_each(|(own, q)| own.value = *q);
+            record.turns.iter_mut().zip(&mut turns).for_each(|(own, of)| *own = *of);
+        }
+    }
+
+    /// Expects the bodies to move at these velocities of all bodies.
+    pub(crate) fn expect(&mut self, velocities: &[Velocity<f32, L, A>]) {
+        self.expected.clear();
+        self.expected.extend(self.members.iter().map(|&body| velocities[body as usize]));
+    }
+
+    /// Finds whether a body turns by more than [`FAST_TURN`] in a substep of `h` \[s\] at these
+    /// velocities of all bodies.
+    pub(crate) fn is_fast(&self, velocities: &[Velocity<f32, L, A>], h: f64) -> bool {
+        let h = h as f32;
+        self.members.iter().any(|&body| {
+            let omega = velocities[body as usize].angular;
+            omega.dot(omega) * h * h > FAST_TURN * FAST_TURN
+        })
+    }
+
+    /// Sets the targets of the rows for the expected velocities. Returns true if joints would miss
+    /// their places with the targets before.
+    pub(crate) fn set_targets<G: Geometry<L, A>>(
+        &mut self,
+        aim: &Aim<'_, G, L, A>,
+        part: &mut MechanismPart<'_, L, A>,
+    ) -> bool {
+        self.look_ahead(&aim.at, aim.h);
+        self.change = 0.0;
+        let mut first = 0;
+        for ((record, joint), &sides) in aim.joints.of(self).zip(part.joints).zip(&self.sides) {
+            let rows = first..first + joint.count as usize;
+            first = rows.end;
+            let then = places_of(record, sides, &self.ahead);
+            let velocities = sides.map(|side| self.expected[side].cast());
+            let axes = &mut part.axes[rows.clone()];
+            let change = set_targets(record, axes, &self.params[rows], (&then, &velocities));
+            self.change = self.change.max(change);
+        }
+        self.change * aim.h > aim.least_miss
+    }
+
+    /// Solves the mechanism and lets the targets follow the path that it leaves, as long as that
+    /// brings joints nearer to their places.
+    pub(crate) fn follow<G: Geometry<L, A>>(
+        &mut self,
+        aim: &Aim<'_, G, L, A>,
+        part: &mut MechanismPart<'_, L, A>,
+    ) {
+        let mut before = f64::INFINITY;
+        for _ in 0..MOST_AIMS {
+            part.solve();
+            self.expected.clear();
+            self.expected.extend((0..self.members.len()).map(|index| part.velocity(index)));
+            let misses = self.set_targets(aim, part);
+            if !misses || self.change >= before {
+                break;
+            }
+            before = self.change;
+        }
+    }
+
+    /// Sets the places of the bodies after `h` \[s\] at the expected velocities, rotating freely: as
+    /// they will [advance](crate::motion::MovingBodies::advance) from `here`.
+    fn look_ahead<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>, h: f64) {
+        let Self { members, here, ahead, expected, spinning, .. } = self;
+        let bodies = at.bodies;
+        spinning.clear();
+        for (index, &body) in members.iter().enumerate() {
+            let (velocity, place) = (&expected[index], &mut ahead[index]);
+            place.position = here[index].position + in_space(velocity.linear) * h;
+            let turn = velocity.angular * h as f32;
+            let precesses = bodies.precession[body as usize].rate > 0.0;
+            if A == 3 && precesses && turn.dot(turn) > SMALL_TURN * SMALL_TURN {
+                spinning.push(index);
+            } else {
+                place.turn = Turn::by(in_space(velocity.angular) * h).of(&here[index].turn);
+            }
+        }
+        let rotation = |pose: &G::Pose| Turn::normalized(G::rotation(pose));
+        let spin = |index: usize| {
+            let body = members[index] as usize;
+            let Inertia { moments, inverse_moments, .. } = &bodies.inertia[body];
+            Spin {
+                pose: bodies.poses[body],
+                moments: [moments, inverse_moments],
+                precession: bodies.precession[body],
+                omega: expected[index].angular,
+                remainder: bodies.spin_states[body].remainder,
+            }
+        };
+        for spinning in spinning.chunks(PRECESS_LANES) {
+            let all = std::array::from_fn(|lane| spin(spinning[lane.min(spinning.len() - 1)]));
+            G::precess(&all, spinning.len(), h as f32, |lane, pose, _| {
+                let index = spinning[lane];
+                let back = rotation(&bodies.poses[members[index] as usize]).inverse();
+                ahead[index].turn = rotation(&pose).of(&back).of(&here[index].turn);
+            });
+        }
+    }
+
+    /// Finds the bodies for which (h S - I)+ / 2 is not zero ([`tension`]), for substeps of `h`
+    /// \[s\], and passes the pulls on to the joints.
+    pub(crate) fn find_surpluses<G: Geometry<L, A>>(
+        &mut self,
+        at: &BodyPlaces<'_, G, L, A>,
+        (records, acting): (&mut [JointRecord], &[u32]),
+        axes: &[Axis<f64, L, A>],
+        h: f64,
+        mut found: impl FnMut(u32, SymmetricMatrix<f64, A>),
+    ) {
+        let masses = &at.bodies.inverse_masses;
+        self.tensions.clear();
+        self.tensions.resize(self.members.len(), Tension::default());
+        let mut axes = axes.iter();
+        let slots = &acting[self.joints.clone()];
+        for ((&slot, sides), arms) in slots.iter().zip(&self.sides).zip(&self.arms) {
+            let record = &mut records[slot as usize];
+            let mut pulls = [Vec3::ZERO; 2];
+            for (state, axis) in record.states.iter().zip(&mut axes) {
+                let impulse = state.solved + state.relaxed;
+                for (pull, jacobian) in pulls.iter_mut().zip(&axis.jacobian) {
+                    (0..L).for_each(|i| pull[i] += jacobian.linear[i] * impulse);
+                }
+            }
+            if record.bodies[0] == WORLD {
+                pulls.swap(0, 1);
+            }
+            for (side, (arm, pull)) in arms.iter().zip(pulls).enumerate() {
+                // No pull turns a body that cannot move.
+                let body = record.bodies[side];
+                if body == WORLD || masses[body as usize] == InverseMass::FIXED {
+                    continue;
+                }
+                // An impact in one substep is no tension.
+                let now = arm.dot(pull).max(0.0);
+                let before = std::mem::replace(&mut record.pulls[side], now);
+                if now > 0.0 {
+                    self.tensions[sides[side]].add(*arm, pull * (now.min(before) / now));
+                }
+            }
+        }
+        self.is_stiffened = false;
+        for (&body, tension) in self.members.iter().zip(&self.tensions) {
+            let Some(of) = tension.balanced() else { continue };
+            let inertia = at.bodies.mass(body as usize).angular;
+            if let Some(surplus) = tension::surplus(&of, &inertia, h) {
+                self.is_stiffened = true;
+                found(body, surplus);
+            }
+        }
+    }
+
+    /// Takes curve and repair out of the targets if locks add energy to bodies that would move at the
+    /// `prospective` velocities. Returns true if so.
+    ///
+    /// Rows of a net in one plane are nearly dependent: its links would need any speed to end on
+    /// their places. Targets of zero add no energy.
+    pub(crate) fn tame(
+        &self,
+        joints: ActingJoints<'_>,
+        part: &mut MechanismPart<'_, L, A>,
+        [prospective, velocities]: [&[Velocity<f32, L, A>]; 2],
+        masses: &[InverseMass<f32, L, A>],
+    ) -> bool {
+        let (mut energy, mut gain, mut mass) = (0.0, 0.0, 0.0);
+        for &body in &self.members {
+            let own = masses[body as usize].cast::<f64>().mass();
+            let [before, after] =
+                [prospective, velocities].map(|all| 0.5 * own.squared(&all[body as usize].cast()));
+            energy += before;
+            gain += after - before;
+            mass += own.linear;
+        }
+        let most = |speed: f64| MOST_GAIN * energy + 0.5 * mass * speed * speed;
+        if gain <= most(LEAST_SPEED) {
+            return false;
+        }
+        let [work, speed] = self.work(joints, part, [prospective, velocities], masses);
+        let is_wild = work.min(gain) > most(speed.max(LEAST_SPEED));
+        if is_wild {
+            let rows = joints.of(self).flat_map(|record| &record.rows);
+            let locks = part.axes.iter_mut().zip(rows).filter(|(_, row)| row.role.is_rigid_lock());
+            locks.for_each(|(axis, _)| axis.law.targets = [0.0; 2]);
+        }
+        is_wild
+    }
+
+    /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2 \[J\], and the
+    /// greatest speed that a repair among them asks for. An angle turns all members about the
+    /// joint. \[m/s\]
+    fn work(
+        &self,
+        joints: ActingJoints<'_>,
+        part: &MechanismPart<'_, L, A>,
+        [before, after]: [&[Velocity<f32, L, A>]; 2],
+        masses: &[InverseMass<f32, L, A>],
+    ) -> [f64; 2] {
+        let (mut work, mut fastest, mut row) = (0.0, 0.0f64, 0);
+        let places = self.sides.iter().zip(&self.arms);
+        for ((record, of), (sides, arms)) in joints.of(self).zip(part.joints).zip(places) {
+            let [u, v] = [before, after].map(|all| of.bodies.map(|body| all[body as usize].cast()));
+            let unit: f64 =
+                of.bodies.map(|body| f64::from(masses[body as usize].linear)).iter().sum();
+            for (plan, state) in record.rows.iter().zip(&record.states) {
+                let (axis, params) = (&part.axes[row], &self.params[row]);
+                row += 1;
+                let Role::Lock(value, None) = plan.role else { continue };
+                work += 0.5
+                    * axis.impulse
+                    * (axis.velocity(&u[0], &u[1]) + axis.velocity(&v[0], &v[1]));
+                let RowParams { h, mobility, repair: [share, most], .. } = *params;
+                let repaired = (share * (state.value - value) / h).abs().min(most);
+                if mobility > 0.0 && repaired > 0.0 {
+                    let mut reach = (unit / mobility).sqrt();
+                    if axis.is_turn() {
+                        let side = record.first_side();
+                        let anchor = self.here[sides[side]].position + arms[side];
+                        let distances = self.here.iter().map(|at| (at.position - anchor).length());
+                        reach += distances.fold(0.0, f64::max);
+                    }
+                    fastest = fastest.max(repaired * reach);
+                }
+            }
+        }
+        [work, fastest]
+    }
+}
+
+/// Returns the places of a joint whose bodies have these places.
+fn places_of(record: &JointRecord, sides: [usize; 2], of_members: &[Place]) -> JointPlaces {
+    let [a, b] = [0, 1].map(|side: usize| match record.bodies[side] {
+        WORLD => Place::ORIGIN,
+        _ => of_members[sides[side]],
+    });
+    record.places_at([a, b])
+}
+
+/// Sets the targets of the rows of a joint for bodies at these velocities, which will be at the places
+/// `then`. Returns the largest change of a finite target. \[m/s, or rad/s\]
+fn set_targets<const L: usize, const A: usize>(
+    record: &JointRecord,
+    axes: &mut [Axis<f64, L, A>],
+    params: &[RowParams],
+    (then, [a, b]): (&JointPlaces, &[Velocity<f64, L, A>; 2]),
+) -> f64 {
+    let mut change = 0.0f64;
+    for (index, (axis, params)) in axes.iter_mut().zip(params).enumerate() {
+        let (plan, value) = (&record.rows[index], record.states[index].value);
+        let (end, _) = then.read(&plan.coordinate).turned(&record.turns[plan.axis]);
+        let rate = axis.velocity(a, b);
+        let straight = value + params.h * rate;
+        // Beyond, an angle has passed a place where it is not defined.
+        let is_lost = plan.coordinate.is_angle() && (end - straight).abs() > MOST_CURVE;
+        let motion = Motion { value, end: if is_lost { straight } else { end }, rate };
+        let law = plan.role.law(&motion, params);
+        for (new, old) in law.targets.iter().zip(axis.law.targets) {
+            let own = (new - old).abs();
+            change = if own.is_finite() { change.max(own) } else { change };
+        }
+        axis.law = law;
+        if record.broken {
+            axis.law.bounds = [0.0; 2];
+        }
+    }
+    change
+}

@@ -1,0 +1,58 @@
+//! [`BodyPlaces`]: where the bodies of joints are, in space and in `f64`.
+
+use drystone_solver::{Vector, Velocity};
+
+use super::coordinates::{Place, Turn, Vec3};
+use super::record::WORLD;
+use crate::bodies::Bodies;
+use crate::geometry::Geometry;
+
+/// Where the bodies are: poses, and displacements since the search.
+#[derive(Clone, Copy)]
+pub(crate) struct BodyPlaces<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) bodies: &'a Bodies<G, L, A>,
+    pub(crate) displacements: &'a [Velocity<f32, L, A>],
+}
+
+pub(crate) fn in_space<const N: usize>(vector: Vector<f32, N>) -> Vec3 {
+    let mut out = Vec3::ZERO;
+    for i in 0..N {
+        // In the plane, rotation is about z.
+        out[if N == 1 { 2 } else { i }] = f64::from(vector[i]);
+    }
+    out
+}
+
+/// Returns a pose as a place.
+pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(pose: &G::Pose) -> Place {
+    Place { position: in_space(G::frame(pose).position), turn: Turn::normalized(G::rotation(pose)) }
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> {
+    /// Returns the place of a center of mass and the axes of its body, or that of the world.
+    pub(crate) fn of(&self, body: u32) -> Place {
+        if body == WORLD {
+            return Place::ORIGIN;
+        }
+        let (bodies, body) = (self.bodies, body as usize);
+        let mut position = in_space(bodies.frames[body].position);
+        position += in_space(bodies.position_remainders[body]);
+        let mut turned = Vec3::ZERO;
+        if let Some(moved) = self.displacements.get(body) {
+            position += in_space(moved.linear);
+            turned = in_space(moved.angular) - in_space(bodies.spin_states[body].followed);
+        }
+        let pose = Turn::normalized(G::rotation(&bodies.poses[body]));
+        Place { position, turn: Turn::by(turned).of(&pose) }
+    }
+}
+
+/// Returns a row in the dimension of a world.
+pub(crate) fn flattened<const L: usize, const A: usize>(
+    row: &Velocity<f64, 3, 3>,
+) -> Velocity<f64, L, A> {
+    Velocity {
+        linear: Vector(std::array::from_fn(|i| row.linear[i])),
+        angular: Vector(std::array::from_fn(|i| row.angular[if A == 1 { 2 } else { i }])),
+    }
+}

@@ -1,0 +1,139 @@
+//! [`JointRecord`]: a joint of a world.
+
+use drystone_solver::{Axis, Velocity};
+
+use super::coordinates::{JointPlaces, Place, RowCoordinate, Vec3, cross};
+use super::rows::RowPlan;
+use super::{Breaking, Coordinate, JointAxis};
+
+/// Marks the world in the place of a body.
+pub(crate) const WORLD: u32 = u32::MAX;
+
+/// A joint of a world.
+#[derive(Clone, Debug)]
+pub(crate) struct JointRecord {
+    /// Slots of the bodies, or [`WORLD`].
+    pub(crate) bodies: [u32; 2],
+    /// Frames relative to the centers of mass, or in the world.
+    pub(crate) frames: [Place; 2],
+    /// Frames in the world when the bodies were joined.
+    pub(crate) start: [Place; 2],
+    pub(crate) axes: Vec<JointAxis>,
+    pub(crate) rows: Vec<RowPlan>,
+    pub(crate) states: Vec<RowState>,
+    /// By axis: the angles of its coordinate with their turns. \[rad\]
+    pub(crate) turns: Vec<[f64; 2]>,
+    pub(crate) breaking: Breaking,
+    pub(crate) collide: bool,
+    pub(crate) enabled: bool,
+    pub(crate) broken: bool,
+    pub(crate) user_data: u128,
+    /// (r . gamma)+ of both bodies in the last substep ([`tension`]). \[N m s\]
+    pub(crate) pulls: [f64; 2],
+    /// Impulse on a and its moment about the joint in this step, or in the last one.
+    /// \[N s, N m s\]
+    pub(crate) load: [Vec3; 2],
+}
+
+/// State of a row between substeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct RowState {
+    /// q, with its turns. \[m, or rad\]
+    pub(crate) value: f64,
+    /// Impulses of the last solve and of the sweep that relaxed it. \[N s, or N m s\]
+    pub(crate) solved: f64,
+    pub(crate) relaxed: f64,
+    /// Impulse of the solve before the last. \[N s, or N m s\]
+    pub(crate) solved_before: f64,
+}
+
+impl RowState {
+    /// Returns the impulse of the last solve, as far as it is at most twice that of the one before.
+    /// The impulse of an impact does not last. \[N s, or N m s\]
+    pub(crate) fn lasting(&self) -> f64 {
+        let most = 2.0 * self.solved_before.abs();
+        self.solved.clamp(-most, most)
+    }
+}
+
+impl JointRecord {
+    /// Returns its places, where `of` returns those of its bodies.
+    pub(crate) fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces {
+        self.places_at(self.bodies.map(of))
+    }
+
+    /// Returns its places, where its bodies are at these.
+    pub(crate) fn places_at(&self, [a, b]: [Place; 2]) -> JointPlaces {
+        let frames = [a.of(&self.frames[0]), b.of(&self.frames[1])];
+        JointPlaces::new(frames, self.start, [a.position, b.position])
+    }
+
+    /// Counts the turns of axes without rows.
+    pub(crate) fn count_turns(&self, places: &JointPlaces, turns: &mut [[f64; 2]]) {
+        for (index, axis) in self.axes.iter().enumerate() {
+            let has_row = || self.rows.iter().any(|row| row.axis == index);
+            if axis.coordinate.counts_turns() && !has_row() {
+                let found = places.read(&RowCoordinate::Of(axis.coordinate));
+                turns[index] = found.turned(&self.turns[index]).1;
+            }
+        }
+    }
+
+    /// Returns by how much its positions \[m\] and rotations \[rad\] miss their locks and limits.
+    pub(crate) fn misses(&self, places: &JointPlaces) -> [f64; 2] {
+        let mut out = [0.0f64; 2];
+        let mut apart = 0.0;
+        for plan in &self.rows {
+            let found = places.read(&plan.coordinate);
+            let miss = plan.role.miss(found.turned(&self.turns[plan.axis]).0);
+            match plan.coordinate {
+                // Positions along three axes make one distance.
+                RowCoordinate::Of(Coordinate::Linear(_)) => apart += miss * miss,
+                RowCoordinate::Of(of) if !of.is_angle() => out[0] = out[0].max(miss),
+                _ => out[1] = out[1].max(miss),
+            }
+        }
+        [out[0].max(apart.sqrt()), out[1]]
+    }
+
+    /// Returns an impulse on it and its moment in a step of `dt` \[s\] over those that break it. \[1\]
+    pub(crate) fn strain(&self, [pull, turn]: [Vec3; 2], dt: f64) -> f64 {
+        let Breaking { force, torque, impulse } = self.breaking;
+        let pull = (pull.length() / (force * dt)).max(pull.length() / impulse);
+        pull.max(turn.length() / (torque * dt))
+    }
+
+    /// Adds to its load in this step.
+    pub(crate) fn bear(&mut self, load: [Vec3; 2]) {
+        self.load.iter_mut().zip(load).for_each(|(sum, own)| *sum += own);
+    }
+
+    /// Returns its load by these impulses of its rows, at these arms from the centers of mass of its
+    /// bodies. \[N s, N m s\]
+    pub(crate) fn load_by<const L: usize, const A: usize>(
+        &self,
+        axes: &[Axis<f64, L, A>],
+        impulses: impl Iterator<Item = f64>,
+        arms: &[Vec3; 2],
+    ) -> [Vec3; 2] {
+        let [mut pull, mut turn] = [Vec3::ZERO; 2];
+        for (axis, impulse) in axes.iter().zip(impulses) {
+            let Velocity { linear, angular } = axis.jacobian[0] * impulse;
+            (0..L).for_each(|i| pull[i] += linear[i]);
+            (0..A).for_each(|i| turn[if A == 1 { 2 } else { i }] += angular[i]);
+        }
+        let side = self.first_side();
+        let sign = if side == 1 { -1.0 } else { 1.0 };
+        [pull * sign, (turn - cross(arms[side], pull)) * sign]
+    }
+
+    /// Returns the side of its first body: 1 if a is the world.
+    pub(crate) fn first_side(&self) -> usize {
+        usize::from(self.bodies[0] == WORLD)
+    }
+
+    /// Returns its bodies, without the world.
+    pub(crate) fn members(&self) -> impl Iterator<Item = u32> + '_ {
+        self.bodies.iter().copied().filter(|body| *body != WORLD)
+    }
+}
