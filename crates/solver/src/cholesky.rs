@@ -156,9 +156,11 @@ impl BlockMatrix {
                 for (at, &row) in range.clone().zip(&self.rows[range]) {
                     self.scatter[row as usize] = at as u32;
                 }
+                // Entries of a row of the product are then side by side, and computed together.
+                let below = transposed(below);
                 for (i, left) in column_blocks.iter().enumerate().skip(k) {
                     let at = self.scatter[self.rows[first + 1 + i] as usize] as usize;
-                    subtract_product(&mut blocks[at], left, below);
+                    subtract_product(&mut blocks[at], left, &below);
                 }
             }
         }
@@ -316,15 +318,21 @@ fn solve_right<const N: usize>(a: &mut [[f64; N]; N], l: &[[f64; N]; N]) {
     }
 }
 
-/// c <- c - a b^T.
+fn transposed<const N: usize>(a: &[[f64; N]; N]) -> [[f64; N]; N] {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+}
+
+/// c <- c - a b.
 fn subtract_product<const N: usize>(c: &mut [[f64; N]; N], a: &[[f64; N]; N], b: &[[f64; N]; N]) {
-    for i in 0..N {
-        for j in 0..N {
-            let mut sum = 0.0;
-            for k in 0..N {
-                sum += a[i][k] * b[j][k];
+    for (c, a) in c.iter_mut().zip(a) {
+        let mut sum = [0.0; N];
+        for (a, b) in a.iter().zip(b) {
+            for j in 0..N {
+                sum[j] += a * b[j];
             }
-            c[i][j] -= sum;
+        }
+        for j in 0..N {
+            c[j] -= sum[j];
         }
     }
 }

@@ -35,6 +35,17 @@ pub const FAST_TURN: f32 = 5e-3;
 /// other corners touch. \[rad\]
 const MOST_TURN: f64 = 0.2;
 
+/// Returns (most |arm|)^2 less the squared way of the arm in a turn, for the largest turn, [`MOST_TURN`].
+/// No closure, as these are not always inlined.
+#[inline(always)]
+fn left_of_turn<T: Real, const L: usize, const A: usize>(
+    turn: Vector<T, A>,
+    arm: Vector<T, L>,
+) -> T {
+    let moved = spin(turn, arm);
+    arm.dot(arm) * T::from_f64(MOST_TURN * MOST_TURN) - moved.dot(moved)
+}
+
 /// Returns R(theta) r - r by Cayley's map, whose angle is exact to fourth order.
 #[inline(always)]
 fn turn<T: Real, const L: usize, const A: usize>(
@@ -85,13 +96,22 @@ impl<T: Real, const L: usize> Manifold<T, L> {
         let cores = self.cores(self.radii_across(gap));
         let least = dt * T::from_f64(f64::from(LEAST_SPIN));
         let least = least * least;
-        let half = T::from_f64(0.5);
-        let by = |side: usize| {
-            let (arm, core, turn) = (self.frame.arms[side], cores[side], moved[side].angular);
-            let has_arm = core.dot(core) - arm.dot(arm) * T::from_f64(1e-10);
-            has_arm.max(self.normal_share[side] - half).choose(turn.dot(turn), T::ZERO)
-        };
-        by(0).max(by(1)) - least
+        let (a, b) = (self.turn_of(0, cores[0], moved[0]), self.turn_of(1, cores[1], moved[1]));
+        a.max(b) - least
+    }
+
+    /// Returns the squared rotation of a body, if its arm or the normal turns with it. \[rad^2\]
+    #[inline(always)]
+    fn turn_of<const A: usize>(
+        &self,
+        side: usize,
+        core: Vector<T, L>,
+        moved: &Velocity<T, L, A>,
+    ) -> T {
+        let (arm, turn) = (self.frame.arms[side], moved.angular);
+        let has_arm = core.dot(core) - arm.dot(arm) * T::from_f64(1e-10);
+        let carries = self.normal_share[side] - T::from_f64(0.5);
+        has_arm.max(carries).choose(turn.dot(turn), T::ZERO)
     }
 
     /// Returns a positive number if the arms and the normal have rotated by less than [`MOST_TURN`]
@@ -102,16 +122,11 @@ impl<T: Real, const L: usize> Manifold<T, L> {
     #[inline(always)]
     pub(crate) fn holds<const A: usize>(&self, gap: T, [a, b]: [&Velocity<T, L, A>; 2]) -> T {
         let normal = self.normal();
-        let most = T::from_f64(MOST_TURN * MOST_TURN);
-        let left = |turn: Vector<T, A>, arm: Vector<T, L>| {
-            let moved = spin(turn, arm);
-            arm.dot(arm) * most - moved.dot(moved)
-        };
         let cores = self.cores(self.radii_across(gap));
         let carried = a.angular * self.normal_share[0] + b.angular * self.normal_share[1];
-        let arms = left(a.angular, cores[0]).min(left(b.angular, cores[1]));
+        let arms = left_of_turn(a.angular, cores[0]).min(left_of_turn(b.angular, cores[1]));
         // A center of curvature in the center of mass has no arm.
-        (arms + T::from_f64(1e-12)).min(left(carried, normal))
+        (arms + T::from_f64(1e-12)).min(left_of_turn(carried, normal))
     }
 
     /// Returns the manifold after the displacements \[m, rad\] of its bodies, for surfaces

@@ -101,7 +101,7 @@ impl<T: Real, const L: usize, const A: usize> SurfaceEffects<T, L, A> {
             return;
         }
         let mut turning = frame.twist(a, b).angular;
-        let [own, other] = masses.each_ref().map(|mass| frame.tensor(mass.angular));
+        let [own, other] = [frame.tensor(masses[0].angular), frame.tensor(masses[1].angular)];
         let entry = |i, j| own.entry(i, j) + other.entry(i, j);
         let before = self.torque;
         let one = |wanted: T, most: T| wanted.max(-most).min(most);

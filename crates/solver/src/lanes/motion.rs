@@ -201,7 +201,8 @@ fn renew_felt<V: Lanes, const L: usize, const A: usize, const B: usize>(
     for side in 0..2 {
         manifold.frame.arms[side] = choose(turns, next.arms[side], manifold.frame.arms[side]);
     }
-    block.lag = lag.map(|own| own * turns.choose(V::ONE, V::ZERO));
+    let one = turns.choose(V::ONE, V::ZERO);
+    block.lag = [lag[0] * one, lag[1] * one];
     before.linear[0] += bend;
     let after: Velocity<V, L, B> = manifold.frame.twist_felt(&a, &b);
     for contact in &mut *points {
