@@ -255,7 +255,8 @@ def statue(count=202, glues=962, last=96):
                  for face in faces]
         mesh = mesh_of(f"cell {i}", [p - middle for p in points], [face for face in index if len(face) > 2])
         things.append(put(f"cell {i}", mesh, middle, shape="CONVEX_HULL", mass=max(500 * volume(faces), 0.05),
-                          friction=0.8, color=shade(chance, (0.74, 0.70, 0.62), 0.06), use_start_deactivated=True))
+                          friction=0.8, color=shade(chance, (0.74, 0.70, 0.62), 0.06), use_deactivation=True,
+                          use_start_deactivated=True))
     contacts.sort(key=lambda contact: -contact[3])
     force = 1200.0
     threshold = force / (FPS * bpy.context.scene.rigidbody_world.substeps_per_frame)

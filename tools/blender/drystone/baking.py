@@ -256,7 +256,7 @@ class Bake(Check):
         if baked == self.output:
             yield from self._key(self.output)
         yield WAITING
-        # What was complete when it was stopped is kept whole, without a journal to go on from.
+        # A bake that had ended when it was stopped is kept whole, without a journal to go on from.
         self.is_cancelled = self.is_cancelled and code != 0
         self.keys.end(self.keys.frames - 1)
         self._keep(baked)
