@@ -10,4 +10,4 @@ mod nodes;
 pub mod usd;
 
 pub use buffer::{GltfBuffer, Use, float_accessor, float_bytes, write_glb};
-pub use nodes::{Nodes, add_scene};
+pub use nodes::{DeformingNode, DrawnScene, Nodes, add_scene};

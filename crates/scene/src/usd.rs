@@ -17,6 +17,7 @@
 mod bodies;
 mod compose;
 pub(crate) mod coordinates;
+mod deforming;
 mod files;
 mod filters;
 mod joint_axes;

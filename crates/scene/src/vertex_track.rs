@@ -159,22 +159,39 @@ impl VertexTrack {
         self.check_areas(triangles)
     }
 
-    /// Refuses triangles that have no area at a time, or between two.
+    /// Refuses triangles that have no area at some time.
     fn check_areas(&self, triangles: &[[u32; 3]]) -> Result<(), VertexTrackFault> {
-        for (index, &start) in self.times.iter().enumerate() {
-            let next = (index + 1).min(self.times.len() - 1);
-            let span = self.times[next] - start;
-            for (triangle, corners) in triangles.iter().enumerate() {
-                let at = |key: usize| {
-                    let points = &self.points[key];
-                    corners.map(|corner| points.get(corner as usize).copied().unwrap_or_default())
-                };
-                if let Some(part) = flat_at(at(index), at(next)) {
-                    return Err(VertexTrackFault::Flat { triangle, time: start + part * span });
-                }
+        for (triangle, corners) in triangles.iter().enumerate() {
+            if let Some(time) = self.flat(*corners) {
+                return Err(VertexTrackFault::Flat { triangle, time });
             }
         }
         Ok(())
+    }
+
+    /// Returns the first time at which the triangle with these corners has no area, if there is
+    /// one. \[s\]
+    pub(crate) fn flat(&self, corners: [u32; 3]) -> Option<f64> {
+        let at = |key: usize| {
+            let points = &self.points[key];
+            corners.map(|corner| points.get(corner as usize).copied().unwrap_or_default())
+        };
+        self.times.iter().enumerate().find_map(|(index, start)| {
+            let next = (index + 1).min(self.times.len() - 1);
+            let part = flat_at(at(index), at(next))?;
+            Some(start + part * (self.times[next] - start))
+        })
+    }
+
+    /// Returns the track between two times \[s\], with keys at both.
+    ///
+    /// # Panics
+    /// Those of [`at`](Self::at).
+    pub fn between(&self, [start, end]: [f64; 2]) -> Self {
+        let inside = self.times.iter().copied().filter(|time| start < *time && *time < end);
+        let mut times: Vec<f64> = [start].into_iter().chain(inside).chain([end]).collect();
+        times.dedup();
+        Self { points: times.iter().map(|time| self.at(*time)).collect(), times }
     }
 }
 

@@ -9,7 +9,7 @@ use super::Recording;
 use super::parallel::each_of;
 use super::pose::{Pose, angle, distance, pose_at, slerp};
 use super::sampling::{Sampling, Track, sample_times, tracks};
-use drystone_scene::export::{GltfBuffer, Use, float_accessor, float_bytes};
+use drystone_scene::export::{DeformingNode, GltfBuffer, Use, float_accessor, float_bytes};
 
 /// A node that follows a body.
 #[derive(Clone, Copy)]
@@ -30,7 +30,8 @@ pub fn as_body(_time: f64, pose: Pose) -> Pose {
     pose
 }
 
-/// Appends a clip to a document and returns its index; `None` if nothing moves.
+/// Appends a clip to a document, in which nodes follow bodies and meshes deform, and returns its
+/// index; `None` if nothing moves.
 ///
 /// A node that moves or turns less than the tolerance gets no channel. Its own translation and
 /// rotation are set to those of the first frame, unless they already agree.
@@ -41,7 +42,7 @@ pub fn append_clip(
     gltf: &mut GltfBuffer<'_>,
     name: &str,
     recording: &Recording,
-    targets: &[Target<'_>],
+    (targets, deforming): (&[Target<'_>], &[DeformingNode]),
     options: &Sampling,
 ) -> io::Result<Option<usize>> {
     // In the precision of the file.
@@ -68,6 +69,7 @@ pub fn append_clip(
             rest_at(node, "rotation", none, rotations, |a, b| angle(a, b) <= turn_by);
         }
     }
+    deforming.iter().for_each(|mesh| clip.deform(mesh));
     Ok((!clip.channels.is_empty()).then(|| clip.append_to(gltf, name)))
 }
 
@@ -121,6 +123,26 @@ impl Clip {
             }
         };
         let output = self.store(&track.values, false);
+        self.connect([input, output], node, path);
+    }
+
+    /// Takes a mesh from one of its morph targets to the next. At the first time all weights are 0.
+    fn deform(&mut self, mesh: &DeformingNode) {
+        let keys: Vec<[f32; 1]> = mesh.times.iter().map(|time| [*time as f32]).collect();
+        if keys.len() < 2 {
+            return;
+        }
+        let weight = |time: usize, target: usize| [f32::from(u8::from(time == target))];
+        let targets = 1..keys.len();
+        let weights: Vec<[f32; 1]> = (0..keys.len())
+            .flat_map(|time| targets.clone().map(move |target| weight(time, target)))
+            .collect();
+        let ends = [self.store(&keys, true), self.store(&weights, false)];
+        self.connect(ends, mesh.node, "weights");
+    }
+
+    /// Adds a channel from these accessors of times and values.
+    fn connect(&mut self, [input, output]: [usize; 2], node: usize, path: &str) {
         let sampler = self.samplers.len();
         self.samplers.push(json!({"input": input, "output": output, "interpolation": "LINEAR"}));
         self.channels.push(json!({"sampler": sampler, "target": {"node": node, "path": path}}));

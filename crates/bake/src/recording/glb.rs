@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::Recording;
 use super::animation::{Target, append_clip, as_body};
-use super::sampling::Sampling;
+use super::sampling::{Sampling, sample_times};
 use crate::engine::Drystone;
 use drystone_scene::export::{GltfBuffer, Nodes, add_scene, write_glb};
 use drystone_scene::{Motion, Scene, write_whole};
@@ -15,7 +15,7 @@ use drystone_scene::{Motion, Scene, write_whole};
 /// Writes a scene with a mesh per shape and a node per body, and its recording as an animation.
 ///
 /// Nodes have the names of their bodies, or `body 12` without a name. 2D scenes are 0.5 m thick and
-/// lie in the plane z = 0.
+/// lie in the plane z = 0. Meshes that deform have a morph target for each time of their track.
 ///
 /// # Errors
 /// If the recording has other bodies or is not finite, or the file cannot be written. An existing
@@ -36,13 +36,16 @@ fn build(scene: &Scene, recording: &Recording, options: &Sampling) -> io::Result
     let mut document = json!({"asset": {"version": "2.0", "generator": generator}});
     let mut bytes = Vec::new();
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
-    let roots = Nodes::new(scene.dimension, &Drystone).add(&mut gltf, scene);
-    let targets: Vec<_> = (roots.iter().enumerate())
+    let times = sample_times(recording, options);
+    let span = [times.first(), times.last()].map(|time| time.copied().unwrap_or_default());
+    let drawn = Nodes::new(scene.dimension, &Drystone).add(&mut gltf, scene, span);
+    let targets: Vec<_> = (drawn.bodies.iter().enumerate())
         .filter(|(body, _)| scene.bodies[*body].motion != Motion::Static)
         .map(|(body, node)| Target { node: *node, body, unit: 1.0, local: &as_body })
         .collect();
-    append_clip(&mut gltf, "simulation", recording, &targets, options)?;
-    add_scene(&mut document, scene, &roots);
+    let moving = (targets.as_slice(), drawn.deforming.as_slice());
+    append_clip(&mut gltf, "simulation", recording, moving, options)?;
+    add_scene(&mut document, scene, &drawn.bodies);
     Ok((document, bytes))
 }
 

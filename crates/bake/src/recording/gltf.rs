@@ -67,7 +67,7 @@ fn add_clip(
         targets.push(Target { node: node.node, body: *body, unit, local });
     }
     let mut gltf = GltfBuffer { document, bytes: bin, buffer: 0 };
-    let clip = append_clip(&mut gltf, BAKED, recording, &targets, options)?;
+    let clip = append_clip(&mut gltf, BAKED, recording, (&targets, &[]), options)?;
     let nodes = targets.iter().map(|target| target.node).collect();
     if repeat(&mut gltf, clip, &nodes) {
         play_first(gltf.document);

@@ -15,12 +15,14 @@ const HALF_DIGITS: f64 = 1e4;
 pub(super) struct Groups(Vec<Vec<usize>>);
 
 impl Groups {
-    /// Groups the dynamic and kinematic bodies that have no joint. Each group has two or more.
+    /// Groups the dynamic and kinematic bodies that have no joint and do not deform. Each group has two or more.
     pub(super) fn of(scene: &Scene) -> Self {
         let joined = |body: usize| scene.joints.iter().any(|of| of.bodies.contains(&Some(body)));
         let mut groups: Vec<Vec<usize>> = Vec::new();
         for (index, body) in scene.bodies.iter().enumerate() {
-            if body.motion == Motion::Static || body.shapes.is_empty() || joined(index) {
+            let deforms = body.shapes.iter().any(|of| of.kind.vertex_track().is_some());
+            let is_alone = body.shapes.is_empty() || joined(index) || deforms;
+            if body.motion == Motion::Static || is_alone {
                 continue;
             }
             let is_same = |group: &&mut Vec<usize>| scene.bodies[group[0]].shapes == body.shapes;

@@ -11,8 +11,8 @@ use super::sampling::{Track, tracks};
 use super::usd_instances::Groups;
 use super::{JointRecording, Recording, Sampling};
 use crate::engine::Drystone;
-use drystone_scene::Scene;
-use drystone_scene::export::usd::{PrimWriter, Prims, StageHead, tuple, write_stage};
+use drystone_scene::export::usd::{PrimWriter, Prims, StageHead, deform, tuple, write_stage};
+use drystone_scene::{Body, Scene};
 
 /// Form of the bodies in a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +73,7 @@ pub fn write_as(
         if !times.is_empty() {
             let (positions, rotations) = tracks(times, pose, mixed, options, index)?;
             move_prim(&mut prim, &codes, &positions, &rotations);
+            deform_shapes(&mut prim, &scene.bodies[index], &clock);
         }
         Ok(prim)
     })?;
@@ -94,6 +95,16 @@ pub fn write_as(
     let (frames, codes) = (clock.rate, clock.rate);
     let head = StageHead { ends: clock.ends(), frames, codes, ..StageHead::default() };
     write_stage(path, &head, &[world])
+}
+
+/// Gives the meshes of a body that deform their points by time code.
+fn deform_shapes(prim: &mut PrimWriter, body: &Body, clock: &Clock) {
+    for (prim, shape) in prim.children.iter_mut().zip(&body.shapes) {
+        let Some(track) = shape.kind.vertex_track() else { continue };
+        let keys = track.times.iter().zip(&track.points);
+        let single = |point: &[f64; 3]| point.map(|x| x as f32);
+        deform(prim, keys.map(|(time, at)| (clock.code(*time), at.iter().map(single).collect())));
+    }
 }
 
 /// Checks that the joints, if any are known, are as many as those of the scene.

@@ -10,7 +10,7 @@ use drystone_bake::recording;
 use drystone_bake::recording::contacts::{self, ContactRecording};
 use drystone_bake::recording::journal::Extras;
 use drystone_bake::recording::npz::Arrays;
-use drystone_scene::{Body, Place, Read, Scene, Warning, write_whole};
+use drystone_scene::{Read, Warning, write_whole};
 
 use super::arguments::BakeArguments;
 use super::record::Bake;
@@ -118,9 +118,6 @@ impl Outputs {
         })?;
         let mut warnings = Vec::new();
         for (path, format) in &self.motions {
-            if matches!(format, Format::Glb | Format::Usda) {
-                warnings.extend(still_meshes(&read.scene, path));
-            }
             warnings.extend(format.write(path, Some(read), &motion, frame_options)?);
         }
         for (path, format) in &self.contacts {
@@ -233,22 +230,6 @@ impl Format {
         };
         written.map(|()| warnings).map_err(|error| Failure::cannot_write(path, &error))
     }
-}
-
-/// Returns warnings about meshes that deform, which are written with their vertices of the scene.
-fn still_meshes(scene: &Scene, path: &Path) -> impl Iterator<Item = Warning> {
-    let deforms =
-        |of: &(usize, &Body)| of.1.shapes.iter().any(|shape| shape.kind.vertex_track().is_some());
-    let bodies = scene.bodies.iter().enumerate().filter(deforms);
-    bodies.map(move |(index, _)| Warning {
-        place: Place::File,
-        message: format!(
-            "{} is written to {} with the vertices of the scene: its vertex_track moves bodies, and \
-             is left out",
-            scene.name_of(index),
-            path.display()
-        ),
-    })
 }
 
 /// Creates the folder of an output if it is missing, and checks that files can be written to it.

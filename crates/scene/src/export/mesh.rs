@@ -99,9 +99,15 @@ pub(super) fn key_of(kind: &ShapeKind) -> Vec<u64> {
         ShapeKind::Cylinder { radius, half_height } => (3, bits(&[*radius, *half_height])),
         ShapeKind::ConvexHull { points } => (4, points.iter().flat_map(|p| bits(p)).collect()),
         ShapeKind::Halfspace { normal } => (5, bits(normal)),
-        ShapeKind::Trimesh { vertices, triangles, .. } => {
+        ShapeKind::Trimesh { vertices, triangles, vertex_track, .. } => {
             let corners = triangles.as_flattened().iter().map(|i| u64::from(*i));
-            (6, bits(vertices.as_flattened()).into_iter().chain(corners).collect())
+            let mut key: Vec<_> =
+                bits(vertices.as_flattened()).into_iter().chain(corners).collect();
+            if let Some(track) = vertex_track {
+                key.extend(bits(&track.times));
+                key.extend(track.points.iter().flat_map(|points| bits(points.as_flattened())));
+            }
+            (6, key)
         }
     };
     key.push(tag);

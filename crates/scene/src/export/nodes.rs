@@ -9,6 +9,7 @@ use super::color::{STATIC, color_of, linear};
 use super::mesh::{key_of, mesh_of, scale_of};
 use crate::description::{Body, Motion, Rotation, Scene, Shape};
 use crate::engine::Engine;
+use crate::vertex_track::VertexTrack;
 
 /// Makes these nodes the roots of the one scene of a document.
 pub fn add_scene(document: &mut Value, scene: &Scene, roots: &[usize]) {
@@ -33,19 +34,41 @@ pub struct Nodes<'e> {
     materials: HashMap<u32, usize>,
     /// Meshes by shape and color.
     meshes: HashMap<(Vec<u64>, u32), usize>,
+    /// Start and end of the animation. \[s\]
+    span: [f64; 2],
+    deforming: Vec<DeformingNode>,
+}
+
+/// Nodes of a scene.
+pub struct DrawnScene {
+    /// Node of each body.
+    pub bodies: Vec<usize>,
+    /// Nodes with meshes that deform.
+    pub deforming: Vec<DeformingNode>,
+}
+
+/// A node whose mesh has a morph target for each time but the first. At a time the weight of its
+/// target is 1, and between two times both weights change along straight lines.
+pub struct DeformingNode {
+    /// Index of the node.
+    pub node: usize,
+    /// The times. \[s\]
+    pub times: Vec<f64>,
 }
 
 impl<'e> Nodes<'e> {
     /// Returns no objects, of a scene with this number of dimensions.
     pub fn new(dimension: usize, engine: &'e dyn Engine) -> Self {
-        let (primitives, materials, meshes) = Default::default();
-        Self { dimension, engine, primitives, materials, meshes }
+        let (primitives, materials, meshes, span, deforming) = Default::default();
+        Self { dimension, engine, primitives, materials, meshes, span, deforming }
     }
 
-    /// Adds all bodies and returns their nodes.
-    pub fn add(mut self, gltf: &mut GltfBuffer<'_>, scene: &Scene) -> Vec<usize> {
+    /// Adds all bodies, for an animation in this `span` of time. \[s\]
+    pub fn add(mut self, gltf: &mut GltfBuffer<'_>, scene: &Scene, span: [f64; 2]) -> DrawnScene {
+        self.span = span;
         let bodies = scene.bodies.iter().enumerate();
-        bodies.map(|(index, body)| self.add_body(gltf, index, body)).collect()
+        let bodies = bodies.map(|(index, body)| self.add_body(gltf, index, body)).collect();
+        DrawnScene { bodies, deforming: self.deforming }
     }
 
     fn add_body(&mut self, gltf: &mut GltfBuffer<'_>, index: usize, body: &Body) -> usize {
@@ -62,7 +85,33 @@ impl<'e> Nodes<'e> {
                 node["children"] = json!(children);
             }
         }
-        gltf.push("nodes", node)
+        let node = gltf.push("nodes", node);
+        if let [shape] = body.shapes.as_slice()
+            && is_centered(shape)
+        {
+            self.note(node, shape);
+        }
+        node
+    }
+
+    /// Notes a node if its mesh deforms.
+    fn note(&mut self, node: usize, shape: &Shape) {
+        if let Some(track) = shape.kind.vertex_track() {
+            self.deforming.push(DeformingNode { node, times: self.of_file(track).times });
+        }
+    }
+
+    /// Returns a track during the animation. Its times differ in single precision.
+    fn of_file(&self, track: &VertexTrack) -> VertexTrack {
+        let mut track = track.between(self.span);
+        let mut last = f32::NEG_INFINITY;
+        let ascends = |time: &f64| std::mem::replace(&mut last, *time as f32) < *time as f32;
+        let kept: Vec<bool> = track.times.iter().map(ascends).collect();
+        let mut keys = kept.iter();
+        track.times.retain(|_| keys.next() == Some(&true));
+        let mut keys = kept.iter();
+        track.points.retain(|_| keys.next() == Some(&true));
+        track
     }
 
     /// Adds a shape at the origin of its parent.
@@ -82,7 +131,9 @@ impl<'e> Nodes<'e> {
         let mut node = json!({});
         place(&mut node, &shape.position, shape.rotation);
         self.set_mesh(gltf, &mut node, shape, color);
-        gltf.push("nodes", node)
+        let node = gltf.push("nodes", node);
+        self.note(node, shape);
+        node
     }
 
     /// Gives a node the mesh of a shape.
@@ -97,7 +148,11 @@ impl<'e> Nodes<'e> {
             None => {
                 let mut primitive = self.primitive(gltf, shape, &key.0);
                 primitive["material"] = json!(self.material(gltf, color));
-                let mesh = gltf.push("meshes", json!({"primitives": [primitive]}));
+                let mut mesh = json!({"primitives": [primitive]});
+                if let Some(targets) = primitive["targets"].as_array() {
+                    mesh["weights"] = json!(vec![0.0; targets.len()]);
+                }
+                let mesh = gltf.push("meshes", mesh);
                 self.meshes.insert(key, mesh);
                 mesh
             }
@@ -109,7 +164,21 @@ impl<'e> Nodes<'e> {
         if let Some(primitive) = self.primitives.get(key) {
             return primitive.clone();
         }
-        let mesh = mesh_of(&shape.kind, self.dimension, self.engine);
+        let mut mesh = mesh_of(&shape.kind, self.dimension, self.engine);
+        let mut targets = Vec::new();
+        if let Some(track) = shape.kind.vertex_track() {
+            let mut keys = self.of_file(track).points.into_iter();
+            let single = |points: Vec<[f64; 3]>| -> Vec<[f32; 3]> {
+                points.into_iter().map(|point| point.map(|x| x as f32)).collect()
+            };
+            mesh.positions = keys.next().map(single).unwrap_or_default();
+            for moved in keys.map(single) {
+                let moved = moved.iter().zip(&mesh.positions);
+                let moved: Vec<[f32; 3]> =
+                    moved.map(|(to, from)| std::array::from_fn(|i| to[i] - from[i])).collect();
+                targets.push(json!({"POSITION": gltf.push_floats(&moved, Use::Vertices, true)}));
+            }
+        }
         let mut attributes = json!({});
         attributes["POSITION"] = json!(gltf.push_floats(&mesh.positions, Use::Vertices, true));
         if !mesh.normals.is_empty() {
@@ -120,7 +189,10 @@ impl<'e> Nodes<'e> {
             attributes["COLOR_0"] = json!(gltf.push_colors(&colors));
         }
         let indices = gltf.push_indices(&mesh.indices);
-        let primitive = json!({"attributes": attributes, "indices": indices});
+        let mut primitive = json!({"attributes": attributes, "indices": indices});
+        if !targets.is_empty() {
+            primitive["targets"] = json!(targets);
+        }
         self.primitives.insert(key.to_vec(), primitive.clone());
         primitive
     }

@@ -18,6 +18,7 @@ use materials::Materials;
 use prim::space;
 pub use prim::{PrimWriter, list, quoted, tuple};
 use shape::Look;
+pub use shape::deform;
 pub use stage::StageWriter;
 
 const PHYSICS: &str = "PhysicsScene";

@@ -6,6 +6,7 @@ use super::super::graph::implicit::{self, Implicit, Placed};
 use super::super::graph::math::{self, Mat3, Quat, Vec3};
 use super::super::graph::triangles::Triangles;
 use super::super::graph::{FAR, NEAR};
+use super::deforming::deform;
 use super::prims::Prim;
 use super::stage::Stage;
 use crate::solid_mesh::DecompositionOptions;
@@ -62,6 +63,7 @@ pub(super) fn read(
         "Plane" => Implicit::Plane { x: None, z: None, double: false },
         "Mesh" => {
             let kind = mesh(stage, prim, map, motion, warnings)?;
+            let kind = deform(stage, prim, (map, motion), kind, warnings)?;
             return Ok(kind.map(|kind| (kind, math::NO_TURN)));
         }
         other => {

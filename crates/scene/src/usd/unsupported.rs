@@ -53,6 +53,9 @@ const PROPERTIES: [&str; 29] = [
     "physxSurfaceVelocity:surfaceVelocityLocalSpace",
 ];
 
+/// Properties of a mesh that follows a skeleton or blend shapes.
+const SKINNED: [&str; 2] = ["primvars:skel:jointIndices", "skel:blendShapes"];
+
 /// Physics types that are read.
 const TYPES: [&str; 2] = ["PhysicsScene", "PhysicsCollisionGroup"];
 
@@ -131,9 +134,10 @@ pub(super) fn name(
             let what = "its surface velocity does not act: it is neither a body nor a collider";
             stage.warn(prim, what, warnings);
         }
-        let sampled = prim.properties.get("points").and_then(|points| points.samples.as_ref());
-        if has("PhysicsCollisionAPI") && sampled.is_some_and(|samples| samples.len() > 1) {
-            let what = "its mesh does not deform: time samples of points are not read";
+        let follows = |name: &&str| prim.properties.contains_key(*name);
+        if has("PhysicsCollisionAPI") && SKINNED.iter().any(follows) {
+            let what = "its mesh does not follow a skeleton or blend shapes: give its points time \
+                        samples";
             stage.warn(prim, what, warnings);
         }
         if prim.kind == "PointInstancer" {

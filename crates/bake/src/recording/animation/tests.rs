@@ -23,7 +23,7 @@ fn clip(recording: &Recording, options: &Sampling) -> (Value, Vec<u8>, bool) {
     let (mut document, mut bytes) = (json!({}), Vec::new());
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
     let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
-    let moves = append_clip(&mut gltf, "clip", recording, &targets, options).unwrap();
+    let moves = append_clip(&mut gltf, "clip", recording, (&targets, &[]), options).unwrap();
     (document, bytes, moves.is_some())
 }
 
@@ -112,7 +112,7 @@ fn bodies_at_rest_elsewhere_get_their_pose() {
     let mut document = json!({"nodes": [{"translation": [1.0, 2.0, 3.0]}]});
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut Vec::new(), buffer: 0 };
     let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
-    let clip = append_clip(&mut gltf, "", &run, &targets, &Sampling::default()).unwrap();
+    let clip = append_clip(&mut gltf, "", &run, (&targets, &[]), &Sampling::default()).unwrap();
     assert_eq!(clip, None);
     let node = json!({"translation": [1.0, 2.0, 3.0], "rotation": [0.0, 1.0, 0.0, 0.0]});
     assert_eq!(document["nodes"][0], node);
@@ -178,7 +178,7 @@ fn a_pose_that_is_not_finite_is_an_error() {
     let (mut document, mut bytes) = (json!({}), Vec::new());
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
     let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
-    let error = append_clip(&mut gltf, "", &run, &targets, &Sampling::default()).unwrap_err();
+    let error = append_clip(&mut gltf, "", &run, (&targets, &[]), &Sampling::default()).unwrap_err();
     assert!(error.to_string().starts_with("the pose of body 0 at 0.0166"), "{error}");
 }
 

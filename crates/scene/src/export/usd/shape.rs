@@ -1,5 +1,7 @@
 //! Shapes as prims of UsdGeom with colliders.
 
+use std::fmt::Display;
+
 use super::super::color::{color_of, linear};
 use super::super::mesh::{self, mesh_of, scale_of};
 use super::prim::{PrimWriter, list, space, tuple};
@@ -122,12 +124,31 @@ fn faces(name: &str, kind: &ShapeKind, look: &Look<'_>) -> PrimWriter {
     prim.set("int[] faceVertexCounts", list(mesh.indices.chunks_exact(3).map(|_| 3)));
     prim.set("int[] faceVertexIndices", list(mesh.indices.iter()));
     prim.set("point3f[] points", list(mesh.positions.iter().map(|point| tuple(point))));
-    let bound = |pick: fn(f32, f32) -> f32| -> [f32; 3] {
-        std::array::from_fn(|i| mesh.positions.iter().map(|p| p[i]).reduce(pick).unwrap_or(0.0))
-    };
-    let (low, high) = (bound(f32::min), bound(f32::max));
-    prim.set("float3[] extent", list([tuple(&low), tuple(&high)].iter()));
+    prim.set("float3[] extent", extent_of(&mesh.positions));
     prim
+}
+
+/// Gives a mesh its points by time code.
+pub fn deform<T: Copy + Default + PartialOrd + Display>(
+    prim: &mut PrimWriter,
+    samples: impl Iterator<Item = (f64, Vec<[T; 3]>)>,
+) {
+    let texts = samples.map(|(code, points)| {
+        let extent = (code, extent_of(&points));
+        (extent, (code, list(points.iter().map(|point| tuple(point)))))
+    });
+    let (extents, points): (Vec<_>, Vec<_>) = texts.unzip();
+    prim.follow("float3[] extent", extents.into_iter(), None);
+    prim.follow("point3f[] points", points.into_iter(), None);
+}
+
+/// Returns the least and the greatest coordinates of some points.
+fn extent_of<T: Copy + Default + PartialOrd + Display>(points: &[[T; 3]]) -> String {
+    let bound = |is_beyond: fn(&T, &T) -> bool| -> [T; 3] {
+        let pick = |a, b| if is_beyond(&b, &a) { b } else { a };
+        std::array::from_fn(|i| points.iter().map(|p| p[i]).reduce(pick).unwrap_or_default())
+    };
+    list([tuple(&bound(T::lt)), tuple(&bound(T::gt))].iter())
 }
 
 fn extent(half: [f64; 3]) -> String {

@@ -19,6 +19,7 @@ use std::path::Path;
 
 use super::super::mesh::hull_triangles;
 use super::prim::{PrimWriter, list, quoted, space, tuple};
+use super::shape::deform;
 use super::{Prims, StageHead, write_stage};
 use crate::description::{Body, Filter, Motion, Rotation, Scene, Shape, ShapeKind, Track};
 use crate::engine::Engine;
@@ -56,15 +57,12 @@ impl StageWriter {
         world.children.extend(groups(scene, &prims.names));
         let mut end = 0.0_f64;
         for (index, body) in scene.bodies.iter().enumerate() {
-            if body.shapes.iter().any(|shape| shape.kind.vertex_track().is_some()) {
-                let what =
-                    "has a vertex_track, which a stage cannot have yet; write .toml or .json";
-                return Err(format!("{} {what}", scene.name_of(index)));
-            }
             let mut prim = prims.body(index);
             own(&mut prim, body, engine)
                 .map_err(|why| format!("{} {why}", scene.name_of(index)))?;
-            end = body.track.times.last().copied().unwrap_or(0.0).max(end);
+            let tracks = body.shapes.iter().filter_map(|shape| shape.kind.vertex_track());
+            let ends = tracks.map(|track| &track.times).chain([&body.track.times]);
+            end = ends.filter_map(|times| times.last().copied()).fold(end, f64::max);
             world.children.push(prim);
         }
         world.children.extend(prims.joints()?);
@@ -188,6 +186,9 @@ fn exact(
     prim.set("int[] faceVertexCounts", list(triangles.chunks_exact(3).map(|_| 3)));
     prim.set("int[] faceVertexIndices", list(triangles.iter()));
     prim.set("point3f[] points", list(points.iter().map(|point| tuple(point))));
+    if let Some(track) = shape.kind.vertex_track() {
+        deform(prim, track.times.iter().copied().zip(track.points.iter().cloned()));
+    }
     Ok(())
 }
 
