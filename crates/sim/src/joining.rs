@@ -4,7 +4,7 @@ use crate::body::Motion;
 use crate::geometry::Geometry;
 use crate::ids::{BodyId, JointId, put};
 use crate::input::{self, InputError, JointFault};
-use crate::joint::coordinates::{Place, Vec3};
+use crate::joint::coordinates::{Place, Vec3, gear_axis};
 use crate::joint::places::place;
 use crate::joint::record::{JointRecord, RowState, WORLD};
 use crate::joint::rows;
@@ -23,11 +23,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         check_breaking(&joint.breaking)?;
         let frames = self.joint_frames(&joint, bodies)?;
         let places = bodies.map(|body| self.body_places().of(body));
-        let rows = rows::plan(&joint.axes);
+        let rows = rows::plan(&joint.axes, L);
         let record = JointRecord {
             bodies,
             frames,
             start: [0, 1].map(|side: usize| places[side].of(&frames[side])),
+            gear_axis: gear_axis(L),
             states: vec![RowState::default(); rows.len()],
             turns: vec![[0.0; 2]; joint.axes.len()],
             rows,
@@ -85,7 +86,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             before.map_or([0.0; 2], |index| record.turns[index])
         };
         record.turns = axes.iter().map(turns).collect();
-        record.rows = rows::plan(&axes);
+        record.rows = rows::plan(&axes, L);
         record.states = vec![RowState::default(); record.rows.len()];
         record.axes = axes;
         self.solver.joints.forget();

@@ -124,6 +124,14 @@ impl Coordinate {
 }
 
 impl Coordinate {
+    /// Returns true if it is a length or an angle between directions, which is never below 0.
+    pub(crate) fn is_unsigned(&self) -> bool {
+        matches!(
+            self,
+            Self::Distance | Self::Radial(_) | Self::Cone | Self::EllipticCone(_) | Self::Rotation
+        )
+    }
+
     /// Returns true if it counts turns.
     pub(crate) fn counts_turns(&self) -> bool {
         self.is_angle() || matches!(self, Self::Rack { .. } | Self::Screw { .. })
@@ -162,9 +170,11 @@ impl JointAxis {
         Self { limits: Some(limits), ..Self::free(coordinate) }
     }
 
-    /// Returns the value of a locked coordinate.
+    /// Returns the value of a locked coordinate. A distance that is at most 0 is locked, too.
     pub(crate) fn lock(&self) -> Option<f64> {
-        self.limits.filter(|[low, high]| low == high).map(|[low, _]| low)
+        let [low, high] = self.limits?;
+        let low = if self.coordinate.is_unsigned() { low.max(0.0) } else { low };
+        (low >= high).then_some(low)
     }
 }
 

@@ -2,14 +2,15 @@
 
 import math
 
-import bpy
 import numpy as np
 
 from . import contacts
 from .curves import set_keys
 from .exporting import channels_of
-from .originals import Actions, assign, bag_of, baked_things, forget, remove_unused_actions, take_over
-from .space import ORIGINAL, time_step
+from .moves import take_reparented
+from .originals import (Actions, assign, bag_of, baked_things, forget, remove_unused_actions, take_edits,
+                        take_over)
+from .space import ORIGINAL, objects_of, refuse_stretching, scene_with, time_step
 
 # A step after which the window gets its turn.
 WAITING = "waiting"
@@ -64,7 +65,7 @@ class Keys:
 
     def __init__(self, scene, channels, start=None):
         # Undo may replace a scene while a bake runs.
-        self.scene_name = scene.name
+        self.scene_uid = scene.session_uid
         self.first = start.frame if start else scene.frame_start
         # Number of frames of the scene before the first one of the bake, and keys of these, by name.
         self.offset = self.first - scene.frame_start
@@ -85,17 +86,17 @@ class Keys:
     def thing(self, name):
         """Returns an object of the bake, or None. A look into Blender's list of objects would take longer."""
         if self._things is None:
-            self._things = {thing.name: thing for thing in self.scene.objects if thing.name in self.channels}
-        return self._things.get(name)
+            self._things = objects_of(self.scene)
+        return self._things.get(name) if name in self.channels else None
 
     @property
     def scene(self):
-        return bpy.data.scenes[self.scene_name]
+        return scene_with(self.scene_uid)
 
     def begin(self, kept):
         """Restores objects of earlier bakes that are not part of this one, but for those to be kept."""
         for thing in baked_things(self.scene) if not self.past else []:
-            if thing.name not in self.channels and thing.name not in kept:
+            if thing.name_full not in self.channels and thing.name_full not in kept:
                 forget(thing)
                 yield
 
@@ -110,33 +111,36 @@ class Keys:
         self.frames = len(frames)
 
     def _key(self, thing, frames, places, turns):
-        bag, past = bag_of(*self.actions.place_for(thing)), self.past.get(thing.name)
+        bag, past = bag_of(*self.actions.place_for(thing)), self.past.get(thing.name_full)
         if past:
             turns = turns * _sign_after(past, turns[0])
         set_keys(bag, "location", frames, places, past)
         set_keys(bag, "rotation_quaternion", frames, turns, past)
-        if thing.name not in self.taken:
+        if thing.name_full not in self.taken:
             if not past:
                 self._note_first(thing, int(frames[0]), [*places[0], *turns[0]])
-            self.taken.add(thing.name)
+            self.taken.add(thing.name_full)
 
     def _note_first(self, thing, frame, channels):
         # Rounded to 32 bits like keys, so that a difference is a move by hand.
         thing[ORIGINAL]["first"] = np.float32(channels).tolist()
         thing[ORIGINAL]["frame"] = frame
-        if self.channels[thing.name].is_apart:
-            thing[ORIGINAL]["above"] = [value for row in self.channels[thing.name].before for value in row]
 
     def _show(self):
         """Makes all objects show their keys, all at once: Blender rebuilds its graph after each change."""
         if not self.frames:
             yield WAITING
         things = filter(None, map(self.thing, self.taken))
-        new = [thing.name for thing in things if assign(thing, *self.actions.place_for(thing))]
+        new = [thing.name_full for thing in things if assign(thing, *self.actions.place_for(thing))]
         if new:
             yield WAITING
         for name in new:
             take_over(self.thing(name), self.channels[name])
+
+    def are_lost(self):
+        """Tells whether undo has taken keys of the bake from objects."""
+        things = filter(None, map(self.thing, self.taken))
+        return any(not self.actions.is_shown(thing) for thing in things)
 
     def missing(self):
         """Returns the names of objects that are gone since the export."""
@@ -154,7 +158,10 @@ def apply(context, path):
     """Puts a bake on the objects that have the names of its bodies; returns how many, and who is missing."""
     names, times, poses = read_bake(path)
     scene = context.scene
+    refuse_stretching(scene)
     frames, poses = at_frames(times, poses, time_step(scene))
+    take_edits(scene)
+    take_reparented(scene)
     channels = channels_of(scene)
     keys = Keys(scene, {name: channels[name] for name in names if name in channels})
     for _ in keys.write(names, frames, poses):
@@ -163,12 +170,15 @@ def apply(context, path):
         scene.frame_end = max(scene.frame_start + int(frames[-1]), scene.frame_start)
         keys.end(0)
         scene.frame_set(scene.frame_start)
-    return len(keys.taken), [name for name in names if name not in scene.objects]
+    there = objects_of(scene)
+    return len(keys.taken), [name for name in names if name not in there]
 
 
 def delete_bake(scene):
     """Restores all objects of a scene to their state before the bake; returns how many."""
     contacts.clear(scene)
+    take_edits(scene)
+    take_reparented(scene)
     things = baked_things(scene)
     for thing in things:
         forget(thing)

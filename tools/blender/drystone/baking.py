@@ -11,6 +11,7 @@ from . import binary, contacts
 from .applying import WAITING, Keys, at_frames, frames_in, read_bake
 from .exporting import export, unselected
 from .findings import CHANGED, LEFT_OUT, counted
+from .space import scene_with
 from .start import Start
 
 # Longest work between two looks at the window. [s]
@@ -19,8 +20,7 @@ SLICE = 0.05
 PREVIEWS = 1.0
 # Share of the time that keys of a running bake may take. [1]
 SHARE = 0.4
-# Odd bodies of a scene that are taken out one by one.
-ODD = 50
+UNUSABLE = " with an unusable mesh: solid as the convex hull"
 # Lines of the summary of a bake that are passed on.
 SAID = ("certified", "velocities", "joints", "note")
 
@@ -75,10 +75,10 @@ def take_out(shot, kind, index, where, why):
             points = shape.pop("vertices")
             del shape["triangles"]
             shape |= {"type": "convex_hull", "points": points}
-        shot.findings.add(CHANGED, "object", " with an unusable mesh: solid as the convex hull", of["name"],
-                          detail=why)
+        shot.findings.add(CHANGED, "object", UNUSABLE, of["name"], detail=why)
         return True
     noun = "object" if kind == "bodies" else "constraint"
+    shot.findings.withdraw("object", UNUSABLE, of["name"])
     shot.findings.add(LEFT_OUT, noun, " that Drystone refuses: left out", of["name"], detail=why)
     del document[kind][index]
     if kind == "bodies":
@@ -102,7 +102,7 @@ class Work:
 
     def __init__(self, context, preference, options):
         # Undo may replace a scene.
-        self.scene_name = context.scene.name
+        self.scene_uid = context.scene.session_uid
         self.program = binary.find(preference)
         self.options = options
         self.process = None
@@ -114,7 +114,7 @@ class Work:
 
     @property
     def scene(self):
-        return bpy.data.scenes[self.scene_name]
+        return scene_with(self.scene_uid)
 
     def poll(self, seconds=SLICE):
         """Goes on for a moment; tells whether there is more to do."""
@@ -177,7 +177,7 @@ class Check(Work):
 
     def _check(self):
         """Writes the scene, without the bodies that Drystone refuses, and adds its findings."""
-        for _ in range(ODD):
+        while True:
             self.shot.write(self.scene_file)
             more = ["--realtime"] if self.options.is_preview else []
             self.process = binary.Program(self.program, "check", "--json", *more, self.scene_file)
@@ -256,6 +256,8 @@ class Bake(Check):
         if baked == self.output:
             yield from self._key(self.output)
         yield WAITING
+        if baked and self.keys.are_lost():
+            yield from self._key(baked)
         # A bake that had ended when it was stopped is kept whole, without a journal to go on from.
         self.is_cancelled = self.is_cancelled and code != 0
         self.keys.end(self.keys.frames - 1)
@@ -333,7 +335,7 @@ class Bake(Check):
     def _key(self, path):
         names, times, poses = read_bake(path)
         frames, poses = at_frames(times, poses, self.step)
-        if len(frames) > self.keys.frames:
+        if len(frames) > self.keys.frames or self.keys.are_lost():
             yield from self.keys.write(names, frames, poses)
 
     def _summarize(self, code, output, messages):

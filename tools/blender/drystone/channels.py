@@ -53,10 +53,10 @@ def quaternions(of):
 
 
 def unit_scale(of):
-    """Returns the mean scale of a matrix, and how far its columns are from orthogonal and equal."""
-    gram = of.T @ of
-    square = np.trace(gram) / 3
-    return np.sqrt(square), np.abs(gram / square - np.eye(3)).max()
+    """Returns the mean scales of matrices, and how far their columns are from orthogonal and equal."""
+    gram = np.swapaxes(of, -1, -2) @ of
+    square = np.trace(gram, axis1=-2, axis2=-1) / 3
+    return np.sqrt(square), np.abs(gram / square[..., None, None] - np.eye(3)).max(axis=(-2, -1))
 
 
 class Channels:
@@ -68,11 +68,10 @@ class Channels:
     """
 
     def __init__(self, thing, above=None):
-        self.name = thing.name
+        self.name = thing.name_full
         self.delta = list(thing.delta_location)
+        self.delta_rotation = list(thing.delta_rotation_quaternion.normalized())
         self.delta_turn = np.array(thing.delta_rotation_quaternion.normalized().conjugated())
-        # Frame that the channels were in with the parent, at the first frame.
-        self.before = thing.matrix_world @ thing.matrix_basis.inverted_safe()
         # From the mesh to the frame of the body: diagonal, unless there is shear.
         stretch = np.array(rigid(thing).to_3x3()).T @ np.array(thing.matrix_world.to_3x3())
         own = np.array(thing.scale) * np.array(thing.delta_scale)
@@ -83,14 +82,23 @@ class Channels:
         self.is_exact = self._is_rigid()
         sheared = np.abs(stretch - np.diag(np.diag(stretch))).max() > RIGID * np.abs(stretch).max()
         self.is_apart = thing.parent is not None and (above is None or not self.is_exact and not sheared)
+        # True if a constraint gives the object a size that its own channels do not show.
+        self.is_resized = not self.is_apart and self._is_resized(thing)
         if self.is_apart:
             self._leave_parent(thing, np.diag(stretch), sheared)
+
+    def _is_resized(self, thing):
+        """Tells whether constraints change the size of an object beside its own scale and its parent."""
+        shown, alone = np.array(thing.matrix_world.to_3x3()), np.array(thing.matrix_basis.to_3x3())
+        if self.above is not None:
+            alone = self.above[0, :3, :3] @ alone
+        return np.abs(alone.T @ alone - shown.T @ shown).max() > RIGID * np.abs(shown.T @ shown).max()
 
     def _is_rigid(self):
         """Tells whether a location and a rotation can show every pose in the frames above."""
         size, off = unit_scale(self.inner)
         above = np.eye(3)[None] if self.above is None else self.above[:, :3, :3]
-        sizes, offs = np.array([unit_scale(of) for of in above]).T
+        sizes, offs = unit_scale(above)
         return max(off, offs.max()) < RIGID and np.abs(sizes / size - 1).max() < RIGID
 
     def _leave_parent(self, thing, size, sheared):

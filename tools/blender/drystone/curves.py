@@ -46,6 +46,18 @@ def is_replaced(path):
     return mutes or path.startswith((*TRANSFORMS, *HOLDS))
 
 
+def all_of(curve):
+    """Returns all that makes two F-curves differ: keys with handles, and modifiers."""
+    points, parts = curve.keyframe_points, [curve.extrapolation, curve.mute]
+    kinds = {"co": np.float32, "handle_left": np.float32, "handle_right": np.float32,
+             "interpolation": np.int32, "easing": np.int32}
+    for key, kind in kinds.items():
+        values = np.empty((2 if kind == np.float32 else 1) * len(points), kind)
+        points.foreach_get(key, values)
+        parts.append(values.tobytes())
+    return parts + [[str(getattr(of, key)) for key in of.bl_rna.properties.keys()] for of in curve.modifiers]
+
+
 def set_keys(bag, path, frames, values, past=None):
     """Makes a bag have these keys of one property: a curve per component, straight between keys.
 

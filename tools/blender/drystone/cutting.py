@@ -27,9 +27,9 @@ def meshes_of(context, names=()):
     """
     scene = context.scene
     things = [thing for thing in simulated(scene).values() if _is_cut(thing)]
-    chosen = set(names) or {thing.name for thing in context.view_layer.objects.selected} & {
-        thing.name for thing in things}
-    things = [thing for thing in things if not chosen or thing.name in chosen]
+    chosen = set(names) or {thing.name_full for thing in context.view_layer.objects.selected} & {
+        thing.name_full for thing in things}
+    things = [thing for thing in things if not chosen or thing.name_full in chosen]
     meshes, hashes = {}, {}
     with still(scene), with_values(generating(things), "show_viewport", False):
         context.view_layer.update()
@@ -37,8 +37,8 @@ def meshes_of(context, names=()):
         for thing in things:
             points, triangles = shapes.body_mesh(thing)
             if len(triangles) and not is_flat(points) and is_closed(points, triangles):
-                meshes[thing.name] = points, triangles
-                hashes[thing.name] = hash_of(*shapes.mesh(thing))
+                meshes[thing.name_full] = points, triangles
+                hashes[thing.name_full] = hash_of(*shapes.mesh(thing))
     return meshes, hashes
 
 
@@ -73,7 +73,7 @@ class Cutting(Work):
         for file in (self.scene_file, self.output):
             file.unlink()
         for name, mesh in found.items():
-            thing = self.scene.objects.get(name)
+            thing = simulated(self.scene).get(name)
             if thing:
                 pieces.show(self.scene, thing, self.hashes[name], mesh["pieces"])
             yield

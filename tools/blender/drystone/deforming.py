@@ -33,7 +33,7 @@ class Deforming:
         self.things = things
         self.shapes = shapes
         self.findings = findings
-        self._points = {thing.name: [] for thing in things}
+        self._points = {thing.name_full: [] for thing in things}
         # Triangles of the first frame, and whether they have had an area at all frames, by name.
         self._triangles, self._sound = {}, {}
 
@@ -41,11 +41,11 @@ class Deforming:
         """Notes the vertices at the present frame."""
         for thing in self.things:
             points, triangles = self.shapes.body_mesh(thing)
-            frames = self._points[thing.name]
+            frames = self._points[thing.name_full]
             frames.append(points)
             if len(points) == len(frames[0]):
-                sound = have_area(points[self._triangles.setdefault(thing.name, triangles)])
-                self._sound[thing.name] = self._sound.get(thing.name, True) & sound
+                sound = have_area(points[self._triangles.setdefault(thing.name_full, triangles)])
+                self._sound[thing.name_full] = self._sound.get(thing.name_full, True) & sound
 
     @property
     def names(self):

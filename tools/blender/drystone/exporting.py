@@ -9,13 +9,15 @@ from .channels import Channels
 from .curves import HOLDS, animates
 from .deforming import Deforming, deforms
 from .findings import CHANGED, LEFT_OUT, Findings
-from .forces import Wind
-from .instances import instances_of
+from .forces import Wind, fields
+from .instances import MOVING, instances_of
 from .joints import JointExporter
-from .originals import show_moves, take_moves
-from .sampling import Sampling, may_be_moved, may_move, still, with_values
+from .moves import show_moves, take_moves
+from .originals import take_edits
+from .sampling import Sampling, followers, has_reason, may_move, still, with_values
 from .shapes import ShapeExporter
-from .space import compound_of, is_baked, is_held, is_sound, pose_of, simulated, time_step, turned
+from .space import (compound_of, has_mass, is_baked, is_held, is_linked, is_sound, objects_of, pose_of,
+                    refuse_stretching, simulated, time_step, turned, unlinked, world_of)
 from .survey import survey
 
 # Longest substep that is asked for. [s]
@@ -26,6 +28,8 @@ STRONGEST = 1e6
 DEFORMING = {"ARMATURE", "CAST", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM",
              "LAPLACIANSMOOTH", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH",
              "SURFACE_DEFORM", "WARP", "WAVE", "VOLUME_DISPLACE"}
+# Phrases of findings on objects that no bake can follow.
+FOLLOWING, AS_AT_FIRST = "following a body that the simulation moves", "still, as at the first frame"
 
 
 @dataclass(frozen=True)
@@ -75,48 +79,55 @@ def bodies_of(scene):
 def is_below(thing, bodies):
     """Tells whether an object is below one of several."""
     above = thing.parent
-    return above is not None and (above.name in bodies or is_below(above, bodies))
+    return above is not None and (above.name_full in bodies or is_below(above, bodies))
 
 
-def sampled(scene, things, kept=frozenset(), looks=()):
-    """Samples the held objects of a scene and what is above its active ones.
+def sampled(scene, things, kept=frozenset(), others=(), looks=()):
+    """Samples the held objects of a scene, what is above its active ones, and others that should keep their places.
 
-    An active object below another body is left out: it has no parent while it is baked, as Blender may show
-    it a frame late.
+    An active object below another body, or below what follows one, is left out: it has no parent while it is
+    baked, as Blender may show it a frame late.
     """
-    names = {thing.name for thing in things}
-    watched = [thing for thing in things if is_held(thing) or animates(thing, *HOLDS)
-               or thing.rigid_body.type == "PASSIVE" and may_be_moved(thing)]
-    below = [thing for thing in things if thing.parent and may_move(thing, kept) and not is_below(thing, names)]
-    return Sampling(scene, watched, below, looks)
+    names = {thing.name_full for thing in things}
+    movers = [thing for thing in things if may_move(thing, kept)]
+    following = followers(movers, [*things, *others])
+    watched = {thing for thing in things if is_held(thing) or animates(thing, *HOLDS)}
+    below = [thing for thing in movers if thing.parent and not is_below(thing, names)
+             and thing.name_full not in following]
+    passive = [thing for thing in things if thing.rigid_body.type == "PASSIVE" and thing not in watched]
+    suspects = [thing for thing in [*passive, *others] if has_reason(thing)]
+    return Sampling(scene, watched, below, suspects, looks, following)
 
 
 def channels_of(scene):
     """Returns the channels of all objects that a bake may move, by name."""
     things = bodies_of(scene)
     with still(scene):
-        things = [thing for thing in things if may_move(thing) and is_sound(thing) and not thing.library]
+        things = [thing for thing in things if may_move(thing) and is_sound(thing) and not is_linked(thing)]
         sampling = sampled(scene, things)
-        return {thing.name: Channels(thing, sampling.above.get(thing.name)) for thing in things}
+        return {thing.name_full: Channels(thing, sampling.above.get(thing.name_full)) for thing in things}
 
 
 class Exporter:
     """Makes a scene of Drystone of the rigid bodies of a scene of Blender, which is shown still."""
 
-    def __init__(self, context, abilities, substeps, things, kept, findings):
+    def __init__(self, context, abilities, substeps, things, instances, kept, findings):
         self.scene = context.scene
         self.kept = kept
         self.abilities = abilities
         self.substeps = substeps
         self.findings = findings
         self.shapes = ShapeExporter(context.evaluated_depsgraph_get(), self.findings)
-        self.wind = Wind(self.scene, abilities.force, self.findings)
         self.things = [thing for thing in things if self.is_sound(thing)]
         followed = [thing for thing in self.things if abilities.vertex_track and deforms(thing)]
         self.deforming = Deforming(followed, self.shapes, findings)
         self.shapes.deforming = self.deforming.names
         looks = [self.deforming.look] if followed else []
-        self.sampling = sampled(self.scene, self.things, kept, looks)
+        winds = fields(context.view_layer, self.scene.rigidbody_world.effector_weights)
+        self.instances = instances
+        others = {*winds, *(each.above for each in instances)} - set(self.things)
+        self.sampling = sampled(self.scene, self.things, kept, others, looks)
+        self.wind = Wind(self.scene, winds, abilities.force, self.sampling, findings)
 
     def is_sound(self, thing):
         sound = is_sound(thing)
@@ -124,31 +135,34 @@ class Exporter:
             self.shapes.left_out(thing, "without a size or a place")
         return sound
 
-    def export(self, instances):
+    def export(self):
         """Returns the whole scene; frame 0 of a bake is the first frame of Blender's range."""
         bodies = [body for body in map(self.body, self.things) if body]
-        bodies += [body for body in map(self.instance, instances) if body]
+        bodies += [body for body in map(self.instance, self.instances) if body]
         if not bodies:
             raise ValueError("no object has a rigid body that Drystone can bake")
         motions = {body["name"]: body["motion"] for body in bodies}
         joints = JointExporter(self.scene, motions, self.findings).joints
-        channels = self.channels([thing for thing in self.things if motions.get(thing.name) == "dynamic"])
+        channels = self.channels([thing for thing in self.things if motions.get(thing.name_full) == "dynamic"])
         document = self.world() | {"bodies": bodies} | ({"joints": joints} if joints else {})
         return Export(document, channels, self.findings)
 
     def channels(self, things):
         """Returns the channels of active bodies by name, of those that can have keys."""
         for thing in things:
-            if thing.library:
+            if is_linked(thing):
                 self.findings.add(LEFT_OUT, "object", " linked from another file: no keys, unless made local",
-                                  thing.name)
-        channels = {thing.name: Channels(thing, self.sampling.above.get(thing.name))
-                    for thing in things if not thing.library}
+                                  thing.name_full)
+        channels = {thing.name_full: Channels(thing, self.sampling.above.get(thing.name_full))
+                    for thing in things if not is_linked(thing)}
         for of in channels.values():
             if of.is_apart:
                 self.findings.add(CHANGED, "object", " below another body or an uneven parent: without a parent "
                                   "while baked", of.name)
-            if not of.is_exact:
+            if of.is_resized:
+                self.findings.add(CHANGED, "object", " sized by a constraint, off while baked: simulated in that "
+                                  "size, shown in its own", of.name)
+            elif not of.is_exact:
                 self.findings.add(CHANGED, "object", " sheared by a parent: turned approximately", of.name)
         return channels
 
@@ -167,10 +181,12 @@ class Exporter:
 
     def motion(self, thing):
         """Returns the motion of a body, and notes what it cannot have."""
-        of, name = thing.rigid_body, thing.name
+        of, name = thing.rigid_body, thing.name_full
         if of.type == "PASSIVE":
             if not of.kinematic and self.sampling.is_moved_rigidly(name):
                 self.findings.add(CHANGED, "passive object", " moved but not Animated: still", name)
+            if not of.kinematic and name in self.sampling.following:
+                self.findings.add(CHANGED, "passive object", f" {FOLLOWING}: {AS_AT_FIRST}", name)
             if animates(thing, "rigid_body.kinematic"):
                 self.findings.add(CHANGED, "passive object", " with keys of Animated: as at the first frame",
                                   name)
@@ -181,6 +197,9 @@ class Exporter:
             return "kinematic"
         if name in self.sampling.held_again:
             self.findings.add(CHANGED, "object", " held by keys after a release: free from there on", name)
+        if not has_mass(thing):
+            self.findings.add(CHANGED, "object", " without a positive mass: moved by keys alone, as in Blender", name)
+            return "kinematic" if is_held(thing) else "static"
         if not is_held(thing):
             return "dynamic"
         if self.sampling.is_released(name):
@@ -193,17 +212,24 @@ class Exporter:
     def body(self, thing):
         """Returns a body, or None if it has no shape."""
         of, motion = thing.rigid_body, self.motion(thing)
+        if motion == "kinematic" and thing.name_full in self.sampling.following:
+            return self.shapes.left_out(thing, FOLLOWING)
         shapes = self.shapes.shapes(thing, motion == "dynamic")
         if not shapes:
             return None
-        self.deforming.follow(thing.name, shapes, time_step(self.scene))
-        body = self.described(thing.name, of, motion, thing.matrix_world, shapes)
+        self.deforming.follow(thing.name_full, shapes, time_step(self.scene))
+        body = self.described(thing.name_full, of, motion, thing.matrix_world, shapes)
         if motion == "dynamic":
             body |= self.dynamics(thing) | self.shapes.mass_keys(shapes, of.mass)
         return body | self.track(thing, motion)
 
     def instance(self, instance):
         """Returns an instance as a body, or None if it has no shape."""
+        above, name = instance.above, instance.above.name_full
+        if name in self.sampling.following or above.rigid_body and may_move(above, self.kept):
+            self.findings.add(CHANGED, "instancer", f" {FOLLOWING}: {AS_AT_FIRST}", name)
+        elif self.sampling.is_moved_rigidly(name):
+            self.findings.add(CHANGED, "instancer", MOVING, name)
         of, shapes = instance.thing.rigid_body, self.shapes.instance(instance.thing, instance.matrix)
         return self.described(instance.name, of, "static", instance.matrix, shapes) if shapes else None
 
@@ -241,14 +267,14 @@ class Exporter:
                 body["start_asleep"] = True
             else:
                 self.findings.add(LEFT_OUT, "object",
-                                  " with Start Deactivated: not known to this version of drystone", thing.name)
+                                  " with Start Deactivated: not known to this version of drystone", thing.name_full)
         return body
 
     def track(self, thing, motion):
         """Returns the key with the poses of a body that follows its keys; none if it keeps its place."""
-        if motion == "static" or motion == "kinematic" and not self.sampling.is_moved(thing.name):
+        if motion == "static" or motion == "kinematic" and not self.sampling.is_moved(thing.name_full):
             return {}
-        poses = [pose_of(matrix) for matrix in self.sampling.tracks.get(thing.name, [])]
+        poses = [pose_of(matrix) for matrix in self.sampling.tracks.get(thing.name_full, [])]
         if not poses:
             return {}
         step = time_step(self.scene)
@@ -260,7 +286,7 @@ def unselected(context):
     """Returns the names of active bodies that are not selected."""
     selected = set(context.view_layer.objects.selected)
     things = [thing for thing in bodies_of(context.scene) if may_move(thing)]
-    return frozenset(thing.name for thing in things if thing not in selected)
+    return frozenset(thing.name_full for thing in things if thing not in selected)
 
 
 def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=None):
@@ -269,23 +295,26 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
     With a start, the scene begins inside of a bake.
     """
     scene = context.scene
-    if not scene.rigidbody_world:
-        raise ValueError("the scene has no rigid body world: add a rigid body to an object first")
+    world_of(scene)
     if scene.frame_end < scene.frame_start:
         raise ValueError("the last frame of the scene is before its first")
-    moves = start.moves if start else take_moves(scene)
+    refuse_stretching(scene)
     kept = kept | start.kept if start else kept
+    take_edits(scene)
+    moves = start.moves if start else take_moves(scene, kept)
     things, inside, findings = bodies_of(scene), simulated(scene), Findings()
+    for thing in unlinked(scene):
+        findings.add(CHANGED, "object", " in the rigid body world alone: part of the bake, as in Blender",
+                     thing.name_full)
     with still(scene, kept):
-        names = [thing.name for thing in scene.objects]
-        instances = instances_of(context.evaluated_depsgraph_get(), names, findings)
+        instances = instances_of(context.evaluated_depsgraph_get(), objects_of(scene), findings)
         left = generating([*inside.values(), *{each.thing for each in instances}])
         with with_values(left, "show_viewport", False):
             if left:
                 scene.frame_set(scene.frame_start)
-            exporter = Exporter(context, abilities, substeps, things, kept, findings)
-            shot = exporter.export(instances)
-            survey(scene, inside, findings, exporter.deforming.names)
+            exporter = Exporter(context, abilities, substeps, things, instances, kept, findings)
+            shot = exporter.export()
+            survey(scene, inside, findings, exporter.sampling, exporter.deforming.names)
     if start:
         start.begin(shot, abilities)
     show_moves(scene, moves)

@@ -55,6 +55,14 @@ class Findings:
         finding = self._found.setdefault((noun, text), found)
         finding.names = list(dict.fromkeys(finding.names + list(names)))
 
+    def withdraw(self, noun, text, name):
+        """Takes a name from a finding, and the finding away with the last one."""
+        finding = self._found.get((noun, text))
+        if finding and name in finding.names:
+            finding.names.remove(name)
+            if not finding.names:
+                del self._found[noun, text]
+
     def __iter__(self):
         return iter(self._found.values())
 

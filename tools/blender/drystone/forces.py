@@ -12,11 +12,21 @@ STEADY = {"shape": ("PLANE", "POINT", "LINE"), "falloff_type": ("SPHERE",), "fal
           "use_absorption": (False,)}
 
 
-def fields(scene):
-    """Returns the objects with force fields that reach rigid bodies."""
-    weights = scene.rigidbody_world.effector_weights
+def _enabled(layer):
+    """Yields the objects that a layer of collections enables: neither excluded nor disabled in viewports."""
+    if layer.collection.hide_viewport:
+        return
+    if not layer.exclude:
+        yield from layer.collection.objects
+    for child in layer.children:
+        yield from _enabled(child)
+
+
+def fields(view_layer, weights):
+    """Returns the objects with force fields that reach rigid bodies in Blender, those hidden by the eye included."""
     inside = set(weights.collection.all_objects) if weights.collection else None
-    things = [thing for thing in scene.objects if thing.field and thing.field.type != "NONE"]
+    things = dict.fromkeys(thing for thing in _enabled(view_layer.layer_collection) if not thing.hide_viewport)
+    things = [thing for thing in things if thing.field and thing.field.type != "NONE"]
     return [thing for thing in things if inside is None or thing in inside]
 
 
@@ -30,20 +40,23 @@ class Wind:
     Blender pushes a body with F = s / r n - f v: strength s, rate of frames r, axis n, flow f.
     """
 
-    def __init__(self, scene, can_push, findings):
+    def __init__(self, scene, things, can_push, sampling, findings):
         # [N], [N s/m]
         self.force, self.drag = Vector(), 0.0
         weights = scene.rigidbody_world.effector_weights
         weight = weights.all * weights.wind
-        for thing in fields(scene):
+        for thing in things:
             field = thing.field
             if not is_steady(field):
-                findings.add(LEFT_OUT, "force field", " other than steady wind: left out", thing.name)
+                findings.add(LEFT_OUT, "force field", " other than steady wind: left out", thing.name_full)
             elif not can_push:
-                findings.add(LEFT_OUT, "wind", ": not known to this version of drystone", thing.name)
+                findings.add(LEFT_OUT, "wind", ": not known to this version of drystone", thing.name_full)
             elif field.apply_to_location:
                 axis = thing.matrix_world.to_3x3().col[2].normalized()
                 self.force += axis * (weight * field.strength / frames_per_second(scene))
                 self.drag += weight * field.flow
                 if animates(thing, "field", "rotation_"):
-                    findings.add(CHANGED, "wind", " with keys: as at the first frame", thing.name)
+                    findings.add(CHANGED, "wind", " with keys: as at the first frame", thing.name_full)
+                elif sampling.is_turned(thing.name_full):
+                    findings.add(CHANGED, "wind", " turned by a parent or a constraint: as at the first frame",
+                                 thing.name_full)

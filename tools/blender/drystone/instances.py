@@ -21,6 +21,8 @@ class Instance:
     name: str
     thing: object
     matrix: Matrix
+    # The object that shows it.
+    above: object
 
 
 def _unique(name, names):
@@ -42,19 +44,19 @@ def instances_of(depsgraph, names, findings):
         above, thing, matrix = each.parent.original, each.instance_object.original, each.matrix_world.copy()
         if thing == above:
             if thing.rigid_body:
-                findings.add(LEFT_OUT, "object", MESHES, above.name)
+                findings.add(LEFT_OUT, "object", MESHES, above.name_full)
             continue
         # The parts of a compound are instances as well.
         if not thing.rigid_body or thing.rigid_body.collision_shape == "COMPOUND":
             continue
         if thing.rigid_body.type == "ACTIVE":
-            findings.add(LEFT_OUT, "instancer", ACTIVE, above.name)
+            findings.add(LEFT_OUT, "instancer", ACTIVE, above.name_full)
             continue
-        name = _unique(f"{above.name}: {thing.name}", names)
+        name = _unique(f"{above.name_full}: {thing.name_full}", names)
         if not is_sound(thing, matrix):
             findings.add(LEFT_OUT, "instance", SIZELESS, name)
             continue
         if may_be_moved(above) or may_be_moved(thing):
-            findings.add(CHANGED, "instancer", MOVING, above.name)
-        found.append(Instance(name, thing, matrix))
+            findings.add(CHANGED, "instancer", MOVING, above.name_full)
+        found.append(Instance(name, thing, matrix, above))
     return found

@@ -7,7 +7,7 @@ from mathutils import Matrix
 
 from .curves import animates
 from .findings import CHANGED, LEFT_OUT
-from .space import compound_of, frames_per_second, pose_of, rigid
+from .space import compound_of, frames_per_second, objects_of, pose_of, rigid
 
 # Largest finite load that Drystone takes. [N, or N m]
 LARGEST_LOAD = 1e20
@@ -177,7 +177,7 @@ class JointExporter:
         self.findings = findings
         world = scene.rigidbody_world
         self.simulated = set(world.constraints.all_objects) if world and world.constraints else set()
-        things = [thing for thing in scene.objects if thing.rigid_body_constraint]
+        things = [thing for thing in objects_of(scene).values() if thing.rigid_body_constraint]
         self.joints = [self.joint(thing) for thing in things if not self.is_left_out(thing)]
 
     @staticmethod
@@ -200,15 +200,15 @@ class JointExporter:
             why = "outside of the rigid body world's collection"
         elif not bodies:
             why = "without an object"
-        elif any(end.name not in self.motions for end in bodies):
+        elif any(end.name_full not in self.motions for end in bodies):
             why = "of an object that is no body of the bake"
         elif ends[0] == ends[1]:
             why = "of one body with itself"
-        elif all(self.motions[end.name] != "dynamic" for end in bodies):
+        elif all(self.motions[end.name_full] != "dynamic" for end in bodies):
             why = "without an active body"
         else:
             return False
-        self.findings.add(LEFT_OUT, "constraint", f" {why}: left out", thing.name)
+        self.findings.add(LEFT_OUT, "constraint", f" {why}: left out", thing.name_full)
         return True
 
     def joint(self, thing):
@@ -216,8 +216,8 @@ class JointExporter:
         self.remark(thing, of)
         ends = self.ends(thing)[::-1]
         joint = {
-            "name": thing.name,
-            "bodies": [end.name if end else -1 for end in ends],
+            "name": thing.name_full,
+            "bodies": [end.name_full if end else -1 for end in ends],
             "frames": [self.frame(thing, end) for end in ends],
             "collide": not of.disable_collisions,
             "enabled": of.enabled,
@@ -243,7 +243,7 @@ class JointExporter:
     def remark(self, thing, of):
         """Notes what a joint has otherwise than its constraint."""
         def changed(text):
-            self.findings.add(CHANGED, "constraint", f" {text}", thing.name)
+            self.findings.add(CHANGED, "constraint", f" {text}", thing.name_full)
 
         if not (of.object1 and of.object2):
             changed("of one object: joined to the world, where Blender ignores it")

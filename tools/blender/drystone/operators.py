@@ -209,7 +209,7 @@ class Select(Operator):
 
     def execute(self, context):
         names = set(json.loads(self.names))
-        things = [thing for thing in context.view_layer.objects if thing.name in names and thing.visible_get()]
+        things = [thing for thing in context.view_layer.objects if thing.name_full in names and thing.visible_get()]
         for thing in context.view_layer.objects:
             thing.select_set(thing in things)
         if things:

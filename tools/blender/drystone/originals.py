@@ -5,10 +5,11 @@ from contextlib import contextmanager
 
 import bpy
 import numpy as np
-from mathutils import Euler, Matrix, Quaternion, Vector
+from mathutils import Matrix
 
-from .curves import TRANSFORMS, channelbags, curves_of, is_replaced
-from .space import ORIGINAL, is_baked
+from .curves import all_of, animates, channelbags, curves_of, is_replaced
+from .space import ORIGINAL, is_baked, objects_of
+from .switches import OURS, Snapshot, clean_strips, restore_strips, turn_off, turn_on
 
 # Values of an object that a bake replaces.
 VALUES = ("rotation_mode", "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle",
@@ -17,8 +18,6 @@ VALUES = ("rotation_mode", "location", "rotation_euler", "rotation_quaternion", 
 PARENTING = ("parent_type", "parent_bone", "parent_vertices")
 # Blending of an action that replaces values during a bake.
 BLENDING = {"action_blend_type": "REPLACE", "action_influence": 1.0}
-# Mark of the actions of bakes.
-OURS = "drystone"
 # Name of the template of common actions, and the curves that it has of each object.
 TEMPLATE = "Drystone template"
 KEYED = {"location": 3, "rotation_quaternion": 4}
@@ -36,45 +35,51 @@ def _values(thing):
     return {key: _plain(getattr(thing, key)) for key in VALUES}
 
 
-def _id_of(driver):
-    return f"{driver.data_path}[{driver.array_index}]"
+def _animation_of(thing):
+    """Returns the animation of an object, which leaves tweak mode: its action could not be set there."""
+    data = thing.animation_data
+    if data and data.use_tweak_mode:
+        data.use_tweak_mode = False
+    return data
+
+
+def _parenting(thing):
+    """Returns the keys of a state that tell of a parent."""
+    if not thing.parent:
+        return {}
+    return {"parent": thing.parent, "parenting": {key: _plain(getattr(thing, key)) for key in PARENTING},
+            "inverse": [value for row in thing.matrix_parent_inverse for value in row]}
 
 
 def capture(thing):
     """Returns the state of an object, as a dictionary that a custom property can hold."""
-    data = thing.animation_data
+    data = _animation_of(thing)
     state = {"values": _values(thing), "scale": list(thing.scale), "animated": data is not None}
-    if thing.parent:
-        state["parent"] = thing.parent
-        state["parenting"] = {key: _plain(getattr(thing, key)) for key in PARENTING}
-        state["inverse"] = [value for row in thing.matrix_parent_inverse for value in row]
+    state |= _parenting(thing)
     if thing.rigid_body:
         state["kinematic"] = thing.rigid_body.kinematic
-    # Names within custom properties are short, so that these are texts.
-    state["constraints"] = json.dumps({of.name: of.enabled for of in thing.constraints})
     if data:
-        state["drivers"] = json.dumps({_id_of(driver): driver.mute for driver in data.drivers})
         state["blending"] = {key: getattr(data, key) for key in BLENDING}
         if data.action:
-            state["action"] = data.action
-            state["slot"] = data.action_slot.identifier if data.action_slot else ""
+            state |= _using(data.action, data.action_slot)
     return state
 
 
+def _using(action, slot):
+    """Returns the keys of a state that tell of an action."""
+    return {"action": action, "slot": slot.identifier if slot else ""}
+
+
 def _restore_animation(thing, state):
-    if not state["animated"]:
-        thing.animation_data_clear()
+    data = _animation_of(thing)
+    if not data and not state.get("action"):
         return
-    data = thing.animation_data or thing.animation_data_create()
-    for key, value in state["blending"].items():
+    data = data or thing.animation_data_create()
+    for key, value in state.get("blending", BLENDING).items():
         setattr(data, key, value)
-    mutes = json.loads(state["drivers"])
-    for driver in data.drivers:
-        driver.mute = mutes.get(_id_of(driver), driver.mute)
     data.action = state.get("action")
     if data.action:
-        slots = [slot for slot in data.action.slots if slot.identifier == state["slot"]]
-        data.action_slot = slots[0] if slots else None
+        data.action_slot = slot_of(state)
 
 
 def _restore_parent(thing, state):
@@ -91,44 +96,61 @@ def _restore_parent(thing, state):
 
 
 def restore(thing, state):
-    """Puts an object into a state."""
+    """Puts an object into a state, but for its switches and strips."""
     _restore_parent(thing, state)
     _restore_animation(thing, state)
     for key, value in state["values"].items():
         setattr(thing, key, value)
     if thing.rigid_body and "kinematic" in state:
         thing.rigid_body.kinematic = state["kinematic"]
-    enabled = json.loads(state["constraints"])
-    for of in thing.constraints:
-        of.enabled = enabled.get(of.name, of.enabled)
+
+
+def _notes(thing):
+    """Returns the notes of the switches that a bake has turned off. Names in custom properties are short."""
+    return json.loads(thing[ORIGINAL].get("switches", "[]"))
+
+
+def _show_original(thing):
+    restore(thing, thing[ORIGINAL].to_dict())
+    turn_on(thing, _notes(thing))
+    restore_strips(thing)
 
 
 def baked_things(scene):
-    return [thing for thing in scene.objects if is_baked(thing)]
+    return [thing for thing in objects_of(scene).values() if is_baked(thing) and not thing.library]
 
 
 @contextmanager
 def shown(scene, kept=frozenset()):
-    """Shows baked objects of a scene as before their bake, but for those to be kept."""
-    baked = [(thing, capture(thing)) for thing in baked_things(scene) if thing.name not in kept]
+    """Shows baked objects of a scene as before their bake, but for those to be kept.
+
+    Drivers, tracks and constraints made since the bake stay. All objects leave tweak mode.
+    """
+    for thing in objects_of(scene).values():
+        _animation_of(thing)
+    things = [thing for thing in baked_things(scene) if thing.name_full not in kept]
+    baked = [(thing, capture(thing), Snapshot(thing)) for thing in things]
     try:
-        for thing, _ in baked:
-            restore(thing, thing[ORIGINAL].to_dict())
+        for thing in things:
+            _show_original(thing)
         yield
     finally:
-        for thing, state in baked:
+        for thing, state, snapshot in baked:
             restore(thing, state)
+            snapshot.put_back()
 
 
 def prepare(thing):
-    """Keeps the state of an object that has no bake yet; returns the action and the slot of that state."""
-    if not is_baked(thing):
+    """Keeps the state of an object before its first bake; returns the action and the slot of that state."""
+    if is_baked(thing):
+        _take_edits(thing)
+    else:
         thing[ORIGINAL] = capture(thing)
     state = thing[ORIGINAL].to_dict()
-    return state.get("action"), _slot_of(state)
+    return state.get("action"), slot_of(state)
 
 
-def _slot_of(state):
+def slot_of(state):
     action = state.get("action")
     slots = [slot for slot in action.slots if slot.identifier == state["slot"]] if action else []
     return slots[0] if slots else None
@@ -160,18 +182,23 @@ class Actions:
 
     def place_for(self, thing):
         """Returns the action and the slot for the keys of an object. It does not use them yet."""
-        if thing.name not in self._found:
-            self._found[thing.name] = self._place_for(thing)
-        return self._found[thing.name]
+        if thing.name_full not in self._found:
+            self._found[thing.name_full] = self._place_for(thing)
+        return self._found[thing.name_full]
 
     def _place_for(self, thing):
-        found = _place_of(*self._places.get(thing.name, ("", 0)))
+        found = _place_of(*self._places.get(thing.name_full, ("", 0)))
         if found:
             return found
         action, slot = prepare(thing)
-        action, slot = self._copy(action, slot.handle) if slot else self._in_common(thing.name)
-        self._places[thing.name] = action.name, slot.handle
+        action, slot = self._copy(action, slot.handle) if slot else self._in_common(thing.name_full)
+        self._places[thing.name_full] = action.name, slot.handle
         return action, slot
+
+    def is_shown(self, thing):
+        """Tells whether an object shows its keys of this bake."""
+        data, (name, _) = thing.animation_data, self._places[thing.name_full]
+        return data is not None and data.action is not None and data.action.name == name
 
     def _in_common(self, name):
         found = _place_of(*self._room.pop(0)) if self._room else None
@@ -239,7 +266,7 @@ def bag_of(action, slot):
 
 def assign(thing, action, slot):
     """Makes an object show the keys of a bake; tells whether it did not before."""
-    data = thing.animation_data or thing.animation_data_create()
+    data = _animation_of(thing) or thing.animation_data_create()
     if data.action == action and data.action_slot == slot:
         return False
     data.action, data.action_slot = action, slot
@@ -248,28 +275,43 @@ def assign(thing, action, slot):
 
 def take_over(thing, channels):
     """Stops all that would move an object besides the keys of its bake."""
+    state = thing[ORIGINAL]
+    state.pop("apart", None)
     if channels.is_apart:
         thing.parent = None
         thing.scale = channels.scale
-    for of in thing.constraints:
-        of.enabled = False
-    data = thing.animation_data
-    for driver in data.drivers:
-        driver.mute = driver.mute or is_replaced(driver.data_path)
+        # Size without the parent. An object whose size differs was scaled by hand.
+        state["apart"] = list(thing.scale)
+    else:
+        _restore_parent(thing, state.to_dict())
+    restore_strips(thing)
+    clean_strips(thing)
+    state["switches"] = json.dumps(turn_off(thing, _notes(thing)))
     for key, value in BLENDING.items():
-        setattr(data, key, value)
+        setattr(thing.animation_data, key, value)
     thing.rotation_mode = "QUATERNION"
-    thing.delta_location = channels.delta
+    thing.delta_location, thing.delta_rotation_quaternion = channels.delta, channels.delta_rotation
+    state["deltas"] = deltas_of(thing)
     if thing.rigid_body:
         # Or Blender's own simulation would move it as well.
         thing.rigid_body.kinematic = True
 
 
+def deltas_of(thing):
+    """Returns the deltas that act on the channels of a bake, as a list."""
+    return [*thing.delta_location, *thing.delta_rotation_quaternion]
+
+
 def forget(thing):
-    """Puts an object back into its state before the bake, if it has one."""
-    if is_baked(thing):
-        restore(thing, thing[ORIGINAL].to_dict())
-        del thing[ORIGINAL]
+    """Puts an object back into its state before the bake, if it has one, with what was changed since."""
+    if not is_baked(thing):
+        return
+    _take_edits(thing)
+    _show_original(thing)
+    data = thing.animation_data
+    if data and not (thing[ORIGINAL]["animated"] or data.action or data.drivers or data.nla_tracks):
+        thing.animation_data_clear()
+    del thing[ORIGINAL]
 
 
 def remove_unused_actions():
@@ -277,10 +319,112 @@ def remove_unused_actions():
         bpy.data.actions.remove(action)
 
 
-# Objects that were moved since their bake
+# Objects that were changed since their bake
 
 
-def _keyed(thing, frame):
+def take_edits(scene):
+    """Makes keys and sizes that baked objects got since their bake part of their state before it."""
+    for thing in baked_things(scene):
+        _take_edits(thing)
+
+
+def take_parents(scene):
+    """Makes parents that baked objects got or lost since their bake part of their state before it.
+
+    Returns the names of these objects.
+    """
+    return {thing.name for thing in baked_things(scene) if _take_parent(thing)}
+
+
+def _take_edits(thing):
+    state = thing[ORIGINAL].to_dict()
+    changes = _new_action(thing, state)
+    if "apart" in state and not thing.parent and not animates(thing, "scale"):
+        now, then = np.array(thing.scale), np.array(state["apart"])
+        if (now != then).any():
+            scale = state["scale"] * now / np.where(then == 0, 1, then)
+            changes |= {"scale": scale.tolist(), "apart": now.tolist()}
+    for key, value in changes.items():
+        thing[ORIGINAL][key] = value
+
+
+def _take_parent(thing):
+    """Tells whether an object got or lost a parent since its bake."""
+    state = thing[ORIGINAL].to_dict()
+    if "apart" in state and state.get("parent") and not thing.parent and not _is_below_itself(thing):
+        return False
+    now = {"scale": list(thing.scale)} | _parenting(thing)
+    for key in ("parent", "parenting", "inverse"):
+        if key not in now and key in state:
+            del thing[ORIGINAL][key]
+    for key, value in now.items():
+        if state.get(key) != value:
+            thing[ORIGINAL][key] = value
+    is_new = state.get("parent") != thing.parent or "apart" in state
+    thing[ORIGINAL].pop("apart", None)
+    return is_new
+
+
+def _is_below_itself(thing):
+    """Tells whether an object would be below itself without its bake: its parent was put below it since."""
+    above = []
+    while thing and thing not in above:
+        above.append(thing)
+        is_apart = is_baked(thing) and "apart" in thing[ORIGINAL] and not thing.parent
+        thing = thing[ORIGINAL].get("parent") if is_apart else thing.parent
+    return thing == above[0]
+
+
+def _others(action, slot):
+    """Returns the F-curves of an action that a bake does not replace, by path and index."""
+    curves = [curve for bag in channelbags(action, slot) for curve in bag.fcurves]
+    return {(of.data_path, of.array_index): of for of in curves if not is_replaced(of.data_path)}
+
+
+def _new_action(thing, state):
+    """Returns the keys of a state that tell of its action, if keys were set since the bake.
+
+    Keys that the bake does not replace are in its copy of the action, and go into the action itself.
+    """
+    data = _animation_of(thing)
+    if not data or not data.action or data.action == state.get("action"):
+        return {}
+    if OURS not in data.action:
+        return {"animated": True, **_using(data.action, data.action_slot)}
+    action, slot = state.get("action"), slot_of(state)
+    now, then = _others(data.action, data.action_slot), _others(action, slot)
+    changed = [key for key in now if key not in then or all_of(now[key]) != all_of(then[key])]
+    gone = [key for key in then if key not in now]
+    if not changed and not gone:
+        return {}
+    if not slot:
+        action = bpy.data.actions.new(f"{thing.name_full}Action")
+        slot = action.slots.new(id_type="OBJECT", name=thing.name_full)
+    elif _is_shared(thing, action, slot):
+        action, handle = action.copy(), slot.handle
+        slot = _slot_with(action, handle)
+    bag = bag_of(action, slot)
+    for path, index in gone + changed:
+        curve = bag.fcurves.find(path, index=index)
+        if curve:
+            bag.fcurves.remove(curve)
+    for key in changed:
+        bag.fcurves.new_from_fcurve(now[key])
+    return {"animated": True, **_using(action, slot)}
+
+
+def _is_shared(thing, action, slot):
+    """Tells whether other objects have the same slot of an action, also while these are baked."""
+    for other in bpy.data.objects:
+        data = other.animation_data
+        if other != thing and (data and data.action == action and data.action_slot == slot or is_baked(other)
+                               and other[ORIGINAL].get("action") == action
+                               and other[ORIGINAL]["slot"] == slot.identifier):
+            return True
+    return False
+
+
+def keyed_at(thing, frame):
     """Returns the location and the quaternion that the keys of a bake have at a frame, or None."""
     curves = {(curve.data_path, curve.array_index): curve for curve in curves_of(thing)}
     wanted = [(path, index) for path, count in KEYED.items() for index in range(count)]
@@ -309,67 +453,6 @@ def keys_until(thing, frame):
 
 def shown_apart(thing, frame):
     """Tells whether an object is shown elsewhere than by the keys of its bake: it was moved by hand."""
-    keyed = _keyed(thing, frame) if thing.rotation_mode == "QUATERNION" else None
+    keyed = keyed_at(thing, frame) if thing.rotation_mode == "QUATERNION" else None
     now = np.array([*thing.location, *thing.rotation_quaternion])
     return keyed is not None and np.abs(now - keyed).max() > CHANGED
-
-
-def _moved_to(thing, scene):
-    """Returns the channels to which an object was moved since its bake, or None."""
-    first = thing[ORIGINAL].get("first")
-    if first is None or thing.rotation_mode != "QUATERNION":
-        return None
-    now = np.array([*thing.location, *thing.rotation_quaternion])
-    keyed = _keyed(thing, scene.frame_current_final)
-    if keyed is None or np.abs(now - keyed).max() > CHANGED:
-        return now
-    start = _keyed(thing, thing[ORIGINAL]["frame"])
-    return start if np.abs(start - np.array(first)).max() > CHANGED else None
-
-
-def _with_pose(thing, state, channels):
-    """Returns the values of a state, with the place and the turn of the channels of its bake."""
-    place = Vector(channels[:3])
-    turn = (Quaternion(thing.delta_rotation_quaternion) @ Quaternion(channels[3:])).normalized()
-    if "above" in state:
-        # Without its parent, the object is keyed in the world.
-        below = Matrix(np.array(state["above"]).reshape(4, 4)).inverted()
-        place, turn = below @ place, below.to_quaternion() @ turn
-    values = state["values"]
-    mode = values["rotation_mode"]
-    moved = {**values, "location": list(place)}
-    if mode == "QUATERNION":
-        delta = Quaternion(values["delta_rotation_quaternion"]).normalized()
-        moved["rotation_quaternion"] = list(delta.inverted() @ turn)
-    elif mode == "AXIS_ANGLE":
-        axis, angle = turn.to_axis_angle()
-        moved["rotation_axis_angle"] = [angle, *axis]
-    else:
-        delta = Euler(values["delta_rotation_euler"], mode).to_matrix()
-        moved["rotation_euler"] = list((delta.inverted() @ turn.to_matrix()).to_euler(mode))
-    return moved
-
-
-def take_moves(scene):
-    """Makes places to which baked objects were moved their places before the bake.
-
-    Objects with keys of their own start from these. Returns the channels that show the moves, by name.
-    """
-    moves = {}
-    for thing in baked_things(scene):
-        channels, state = _moved_to(thing, scene), thing[ORIGINAL].to_dict()
-        bags = channelbags(state.get("action"), _slot_of(state))
-        keyed = any(curve.data_path.startswith(TRANSFORMS) for bag in bags for curve in bag.fcurves)
-        if channels is None or keyed:
-            continue
-        state["values"] = _with_pose(thing, state, channels)
-        thing[ORIGINAL] = state
-        moves[thing.name] = [*thing.location, *thing.rotation_quaternion]
-    return moves
-
-
-def show_moves(scene, moves):
-    """Shows moved objects where they were moved to, until the frame changes."""
-    for name, channels in moves.items():
-        thing = scene.objects[name]
-        thing.location, thing.rotation_quaternion = channels[:3], channels[3:]

@@ -1,15 +1,25 @@
 """Poses of a scene frame by frame, without Blender's own simulation."""
 
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
+import bpy
 import numpy as np
+from mathutils import Euler, Vector
 
 from . import originals
 from .curves import HOLDS, animates
-from .space import is_baked, is_held, rigid_part
+from .space import has_mass, is_baked, is_held, rigid_part, unlinked, world_of
 
 # Largest change of a pose that is none. [m, or 1]
 STILL = 1e-6
+# Largest relative change of a squared size that is none. [1]
+SAME_SIZE = 1e-4
+# Objects that should not move are looked at between so many parts of a scene.
+PARTS = 8
+# Distance and turn of displaced objects. [m], [rad]
+AWAY, TURN = (1.0, 1.1, 1.2), (0.5, 0.6, 0.7)
+# Largest change of the frame of an object that does not follow these. [m, or 1]
+UNMOVED = 1e-4
 
 
 def may_be_moved(thing):
@@ -21,9 +31,14 @@ def may_be_moved(thing):
     return False
 
 
+def has_reason(thing):
+    """Tells whether anything but its own channels may place an object."""
+    return bool(thing.parent or thing.constraints or thing.animation_data)
+
+
 def may_move(thing, kept=frozenset()):
     """Tells whether a bake that keeps these objects as they are may move an object: it is active and free."""
-    if thing.rigid_body.type != "ACTIVE" or thing.name in kept:
+    if thing.rigid_body.type != "ACTIVE" or thing.name_full in kept or not has_mass(thing):
         return False
     return is_baked(thing) or not is_held(thing) or animates(thing, *HOLDS)
 
@@ -41,14 +56,25 @@ def with_values(owners, key, value):
             setattr(owner, key, old)
 
 
+def reorder(scene):
+    """Makes Blender find its order anew, which another collection of the world does not."""
+    scene.camera = scene.camera
+
+
 @contextmanager
 def in_order(scene):
     """Evaluates parents before their children, also between rigid bodies.
 
     Blender's order has cycles between these, and a body below another one may be a frame late. A world
-    without objects has no part in the order.
+    without objects has no part in the order. Objects of the world alone are part of the scene meanwhile.
     """
-    with with_values([scene.rigidbody_world], "collection", None):
+    with ExitStack() as stack:
+        for thing in unlinked(scene):
+            scene.collection.objects.link(thing)
+            stack.callback(scene.collection.objects.unlink, thing)
+        stack.callback(reorder, scene)
+        stack.enter_context(with_values([world_of(scene)], "collection", None))
+        reorder(scene)
         # Blender evaluates no object again for a new order alone.
         for thing in scene.objects:
             thing.update_tag(refresh={"OBJECT"})
@@ -59,7 +85,7 @@ def in_order(scene):
 def still(scene, kept=frozenset()):
     """Shows a scene at its first frame, without Blender's own simulation and without bakes but those of some."""
     frame, subframe = scene.frame_current, scene.frame_subframe
-    world = scene.rigidbody_world
+    world = world_of(scene)
     try:
         with with_values([world], "enabled", False), originals.shown(scene, kept):
             scene.frame_set(scene.frame_start)
@@ -70,25 +96,71 @@ def still(scene, kept=frozenset()):
         scene.frame_set(frame, subframe=subframe)
 
 
+@contextmanager
+def displaced(things):
+    """Shows objects elsewhere for a while."""
+    before = [(thing, thing.delta_location.copy(), thing.delta_rotation_euler.copy(),
+               thing.delta_rotation_quaternion.copy()) for thing in things]
+    try:
+        for thing, place, angles, turn in before:
+            thing.delta_location = place + Vector(AWAY)
+            thing.delta_rotation_euler = [angle + more for angle, more in zip(angles, TURN)]
+            thing.delta_rotation_quaternion = Euler(TURN).to_quaternion() @ turn
+        bpy.context.view_layer.update()
+        yield
+    finally:
+        for thing, *values in before:
+            thing.delta_location, thing.delta_rotation_euler, thing.delta_rotation_quaternion = values
+
+
+def followers(movers, things):
+    """Returns the names of the things that follow movers, by whatever parents, constraints or drivers.
+
+    The movers are displaced, and Blender shows who comes along. A mover follows others if the frame does that
+    its channels are in.
+    """
+    things, moving = [thing for thing in things if has_reason(thing)], set(movers)
+    if not things or not moving:
+        return set()
+
+    def frames():
+        bpy.context.view_layer.update()
+        return np.array([thing.matrix_world @ thing.matrix_basis.inverted_safe() if thing in moving
+                         else thing.matrix_world for thing in things])
+
+    with with_values([of for thing in movers for of in thing.constraints], "enabled", False):
+        before = frames()
+        with displaced(movers):
+            after = frames()
+    bpy.context.view_layer.update()
+    apart = np.abs(after - before).max(axis=(1, 2)) > UNMOVED * (1 + np.abs(before).max(axis=(1, 2)))
+    return {thing.name_full for thing, follows in zip(things, apart) if follows}
+
+
 class Sampling:
-    """Poses at all frames of a scene that is shown still.
+    """Poses at the frames of a scene that is shown still.
 
     `watched` has the objects that may follow keys at some frames; `below` has the active objects with a
-    parent that is no body. `looks` are called at each frame.
+    parent that follows no body. `suspects` should keep their places; a few frames show whether they do. `looks`
+    are called at each frame. `following` has the names of objects that follow bodies which the bake moves.
     """
 
-    def __init__(self, scene, watched, below, looks=()):
+    def __init__(self, scene, watched, below, suspects=(), looks=(), following=frozenset()):
         self.scene = scene
-        # Matrices of watched objects, from the first frame until they are free, by name.
-        self.tracks = {thing.name: [] for thing in watched}
+        self.following = following
+        # Matrices of objects, from the first frame until they are free, by name.
+        self.tracks = {thing.name_full: [] for thing in [*watched, *suspects]}
         # Names of watched objects that are free at some frame, and of those that are held again later.
         self.freed, self.held_again = set(), set()
         # Frames that the channels of objects are in.
-        self.above = {thing.name: [] for thing in below}
-        if watched or below or looks:
+        self.above = {thing.name_full: [] for thing in below}
+        if self.tracks or below or looks:
             constraints = [of for thing in below for of in thing.constraints]
+            frames = range(scene.frame_start, scene.frame_end + 1)
+            if not (watched or below or looks or any(map(may_be_moved, suspects))):
+                frames = sorted({frames[round(part * (len(frames) - 1) / PARTS)] for part in range(PARTS + 1)})
             with with_values(constraints, "enabled", False):
-                self._pass(watched, below, looks)
+                self._pass(frames, [*watched, *suspects], below, looks)
 
     def is_released(self, name):
         """Tells whether an object follows its keys at first, and is free later."""
@@ -101,25 +173,40 @@ class Sampling:
 
     def is_moved_rigidly(self, name):
         """Tells whether an object moves or turns while it follows its keys, and not merely grows."""
-        poses = np.array([rigid_part(matrix) for matrix in self.tracks.get(name, [])])
-        return len(poses) > 0 and bool(np.abs(poses - poses[0]).max() > STILL)
+        poses = self._poses(name)
+        return bool((np.abs(poses - poses[:1]) > STILL).any())
 
-    def _pass(self, watched, below, looks):
+    def is_turned(self, name):
+        """Tells whether an object turns while it follows its keys."""
+        turns = self._poses(name)[:, :3, :3]
+        return bool((np.abs(turns - turns[:1]) > STILL).any())
+
+    def is_resized(self, name):
+        """Tells whether an object changes its size or its shear while it follows its keys."""
+        axes = np.array(self.tracks.get(name, [])).reshape(-1, 4, 4)[:, :3, :3]
+        squares = axes.transpose(0, 2, 1) @ axes
+        return bool((np.abs(squares - squares[:1]) > SAME_SIZE * np.abs(squares[:1]).max(initial=0)).any())
+
+    def _poses(self, name):
+        """Returns the matrices of an object without their scale."""
+        return np.array([rigid_part(matrix) for matrix in self.tracks.get(name, [])]).reshape(-1, 4, 4)
+
+    def _pass(self, frames, watched, below, looks):
         scene = self.scene
-        for frame in range(scene.frame_start, scene.frame_end + 1):
+        for frame in frames:
             scene.frame_set(frame)
             for thing in watched:
                 self._watch(thing)
             for thing in below:
                 above = thing.matrix_world @ thing.matrix_basis.inverted_safe()
-                self.above[thing.name].append(np.array(above))
+                self.above[thing.name_full].append(np.array(above))
             for look in looks:
                 look()
         scene.frame_set(scene.frame_start)
 
     def _watch(self, thing):
-        name = thing.name
-        if thing.rigid_body.type == "ACTIVE" and not is_held(thing):
+        name, of = thing.name_full, thing.rigid_body
+        if of and of.type == "ACTIVE" and not is_held(thing):
             self.freed.add(name)
         elif name in self.freed:
             self.held_again.add(name)

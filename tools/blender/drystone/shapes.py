@@ -12,6 +12,9 @@ from .space import is_sound, pose_of, rigid, stretch, turned
 FLAT = 1e-4
 # Least thickness of a plate in place of a flat body [m], and as a part of its size.
 THINNEST, THIN = 1e-3, 0.01
+# Least distance of the middle of a mesh from its origin that counts, as a part of half its size.
+OFF = 0.01
+ORIGIN = " with a mesh off its origin: the shape is around the mesh, in Blender around the origin"
 # Kinds of shapes that the bounding box sizes.
 ROUND = ("BOX", "SPHERE", "CYLINDER", "CAPSULE")
 
@@ -119,11 +122,11 @@ class ShapeExporter:
         return self._one(thing, False, Matrix(), matrix)
 
     def left_out(self, thing, why):
-        self.findings.add(LEFT_OUT, "object", f" {why}: left out", thing.name)
+        self.findings.add(LEFT_OUT, "object", f" {why}: left out", thing.name_full)
         return []
 
     def _changed(self, thing, noun, how):
-        self.findings.add(CHANGED, noun, f": {how}", thing.name)
+        self.findings.add(CHANGED, noun, f": {how}", thing.name_full)
 
     def _parts(self, body, above, is_dynamic):
         """Returns the shapes of the parts of a compound, and of the compounds among these."""
@@ -187,7 +190,7 @@ class ShapeExporter:
         """Returns the points of the pieces that are shown over an object, as long as they are of its mesh."""
         digest, pieces = shown_pieces(thing)
         if digest and digest != hash_of(*self.mesh(thing)):
-            self.findings.add(CHANGED, "object", STALE, thing.name, remedy=OPERATOR)
+            self.findings.add(CHANGED, "object", STALE, thing.name_full, remedy=OPERATOR)
             return []
         matrix = np.array(stretch(thing).to_3x3())
         return [piece @ matrix.T for piece in pieces]
@@ -195,10 +198,12 @@ class ShapeExporter:
     def _shape(self, thing, kind, points, triangles, is_dynamic):
         low, high = points.min(axis=0), points.max(axis=0)
         is_slab = not is_dynamic and high[2] - low[2] < FLAT and (kind != "MESH" or len(points) <= 4)
-        if is_slab and thing.name not in self.deforming:
+        if is_slab and thing.name_full not in self.deforming:
             self._changed(thing, "flat passive object", "solid below, so that nothing falls through")
             return slab(points, kind)
         if kind in ROUND:
+            if np.abs(low + high).max() > OFF * (high - low).max():
+                self.findings.add(CHANGED, "object", ORIGIN, thing.name_full)
             return round_shape(kind, self._half(thing, kind, (high - low) / 2)), (low + high) / 2
         if kind == "MESH" and (not is_dynamic or self._keeps_mesh(thing, points, triangles)):
             shape = {"type": "trimesh", "vertices": [turned(p) for p in points], "triangles": triangles.tolist()}

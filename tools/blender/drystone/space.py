@@ -4,11 +4,14 @@ Blender is z up, Drystone y up: (x, y, z) becomes (x, z, -y), for positions, for
 frames of objects alike.
 """
 
+import bpy
 import numpy as np
 from mathutils import Matrix
 
 # Name of the custom property that holds the state of an object before its bake.
 ORIGINAL = "drystone"
+# Shortest and longest time of a frame that Drystone takes. [s]
+SHORTEST, LONGEST = 1e-6, 1.0
 
 
 def turned(v):
@@ -58,15 +61,64 @@ def frames_per_second(scene):
 
 def time_step(scene):
     """Returns the simulated time of a frame. [s]"""
-    world = scene.rigidbody_world
-    return (world.time_scale if world else 1) / frames_per_second(scene)
+    speed, rate = world_of(scene).time_scale, frames_per_second(scene)
+    if not SHORTEST <= speed / rate <= LONGEST:
+        raise ValueError(f"Speed of the rigid body world is {speed:.6g}; accepted: from {SHORTEST * rate:.6g} to "
+                         f"{LONGEST * rate:.6g} at {rate:.6g} frames per second")
+    return speed / rate
+
+
+def refuse_stretching(scene):
+    """Raises an error where Blender shows animations at other frames than those of the scene."""
+    old, new = scene.render.frame_map_old, scene.render.frame_map_new
+    if old != new:
+        raise ValueError(f"Time Stretching from {old} to {new}: a bake needs the same number twice (Output, Format, "
+                         "Frame Rate)")
+
+
+def world_of(scene):
+    """Returns the rigid body world of a scene."""
+    if not scene.rigidbody_world:
+        raise ValueError("the scene has no rigid body world: add one in the scene's properties, or a rigid body to "
+                         "an object")
+    return scene.rigidbody_world
+
+
+def scene_with(uid):
+    """Returns the scene with a session UID: undo replaces scenes, and users rename them."""
+    found = next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
+    if found is None:
+        raise ValueError("the scene is gone")
+    return found
+
+
+def _members(scene, key="collection"):
+    """Returns the objects in a collection of the rigid body world: of bodies, or of constraints."""
+    collection = getattr(scene.rigidbody_world, key, None)
+    return list(collection.all_objects) if collection else []
+
+
+def unlinked(scene):
+    """Returns the objects that are in the rigid body world alone: Blender simulates them, and shows none."""
+    shown = set(scene.objects)
+    members = dict.fromkeys(_members(scene) + _members(scene, "constraints"))
+    return [thing for thing in members if thing not in shown]
+
+
+def objects_of(scene):
+    """Returns the objects of a scene by their full names, which differ for linked objects of one name."""
+    return {thing.name_full: thing for thing in [*scene.objects, *unlinked(scene)]}
 
 
 def simulated(scene):
-    """Returns the objects that Blender's own simulation takes, by name."""
-    world = scene.rigidbody_world
-    inside = set(world.collection.all_objects) if world and world.collection else set()
-    return {thing.name: thing for thing in scene.objects if thing.rigid_body and thing in inside}
+    """Returns the objects that Blender's own simulation takes, by full name."""
+    inside = set(_members(scene))
+    return {name: thing for name, thing in objects_of(scene).items() if thing.rigid_body and thing in inside}
+
+
+def is_linked(thing):
+    """Tells whether an object comes from another file, so that a saved file loses keys of a bake on it."""
+    return bool(thing.library or thing.override_library)
 
 
 def compound_of(thing):
@@ -78,6 +130,11 @@ def compound_of(thing):
 
 def is_baked(thing):
     return ORIGINAL in thing
+
+
+def has_mass(thing):
+    """Tells whether a rigid body has a mass that forces can move; Blender allows any number."""
+    return 0 < thing.rigid_body.mass < np.inf
 
 
 def is_held(thing):

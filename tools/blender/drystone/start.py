@@ -11,7 +11,7 @@ from .masses import joined, solid_of
 from .originals import baked_things, keys_until, last_key, shown_apart
 from .recordings import Recording
 from .sampling import in_order, with_values
-from .space import ORIGINAL, pose_of, rigid, time_step, turned, unturned
+from .space import ORIGINAL, pose_of, rigid, time_step, turned, unturned, world_of
 
 # Largest distance of a key from a recording of the same bake. [m, or 1]
 SAME = 1e-4
@@ -55,13 +55,13 @@ class Start:
             frames = f"from {self.first + 1} to {last}"
             raise ValueError(f"Bake from Here begins inside of a bake: go to a frame {frames}")
         # Baked objects that are passive by now follow their keys, as those that are kept.
-        self.kept = frozenset(thing.name for thing in things if thing.rigid_body
+        self.kept = frozenset(thing.name_full for thing in things if thing.rigid_body
                               and thing.rigid_body.type == "PASSIVE")
         # Channels of objects that were moved by hand at this frame.
-        self.moves = {thing.name: [*thing.location, *thing.rotation_quaternion]
+        self.moves = {thing.name_full: [*thing.location, *thing.rotation_quaternion]
                       for thing in things if shown_apart(thing, self.frame)}
         # Keys before this frame, by name.
-        past = {thing.name: keys_until(thing, self.frame) for thing in things}
+        past = {thing.name_full: keys_until(thing, self.frame) for thing in things}
         self.past = {name: keys for name, keys in past.items() if keys and all(map(len, keys.values()))}
         self.count = self.frame - self.first
         self.recording = Recording.read(path)
@@ -71,12 +71,12 @@ class Start:
 
     def _look(self, scene, things, steps):
         """Notes matrices that are shown now, and those of the keys around this frame."""
-        self._now, self._around = {thing.name: rigid(thing) for thing in things}, {}
-        with with_values([scene.rigidbody_world], "enabled", False):
+        self._now, self._around = {thing.name_full: rigid(thing) for thing in things}, {}
+        with with_values([world_of(scene)], "enabled", False):
             with in_order(scene):
                 for step in steps:
                     scene.frame_set(self.frame + step)
-                    self._around[step] = {thing.name: rigid(thing) for thing in things}
+                    self._around[step] = {thing.name_full: rigid(thing) for thing in things}
             scene.frame_set(self.frame)
         self.states = {name: self._state(name) for name in self._now}
 

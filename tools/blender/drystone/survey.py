@@ -3,7 +3,7 @@
 from .curves import HOLDS, animates, paths_of
 from .findings import CHANGED, LEFT_OUT
 from .sampling import may_move
-from .space import compound_of
+from .space import compound_of, objects_of
 
 # Physics of modifiers that rigid bodies of a bake do not feel.
 OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC_PAINT": "dynamic paint"}
@@ -11,17 +11,16 @@ OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC
 WORLD = ("gravity", "use_gravity", "rigidbody_world")
 
 
-def survey(scene, inside, findings, deforming=frozenset()):
+def survey(scene, inside, findings, sampling, deforming=frozenset()):
     """Notes what a bake of a scene leaves out or has otherwise; `inside` has what Blender simulates, by name.
 
     `deforming` has the names of objects whose vertices the bake follows.
     """
-    for thing in scene.objects:
-        if thing.rigid_body and thing.name not in inside:
-            findings.add(LEFT_OUT, "object", " outside of the rigid body world's collection: left out",
-                         thing.name)
+    for name, thing in objects_of(scene).items():
+        if thing.rigid_body and name not in inside:
+            findings.add(LEFT_OUT, "object", " outside of the rigid body world's collection: left out", name)
         elif thing.rigid_body:
-            _body(thing, inside, findings, thing.name in deforming)
+            _body(thing, inside, findings, sampling.is_resized(name), name in deforming)
         _others(thing, findings)
     paths = paths_of(scene)
     if any(path.startswith(WORLD) for path in paths):
@@ -29,21 +28,23 @@ def survey(scene, inside, findings, deforming=frozenset()):
                      "hold", scene.name)
 
 
-def _body(thing, inside, findings, is_followed):
+def _body(thing, inside, findings, is_resized, is_followed):
     of = thing.rigid_body
 
     def changed(text):
-        findings.add(CHANGED, "object", text, thing.name)
+        findings.add(CHANGED, "object", text, thing.name_full)
 
     compound = compound_of(thing)
-    if compound and compound.name not in inside:
-        findings.add(LEFT_OUT, "object", " of a compound that is no body of the bake: left out", thing.name)
+    if compound and compound.name_full not in inside:
+        findings.add(LEFT_OUT, "object", " of a compound that is no body of the bake: left out", thing.name_full)
     if not thing.visible_get():
         changed(" hidden or excluded: part of the bake, as in Blender")
     if any(path.startswith("rigid_body.") and path not in HOLDS for path in paths_of(thing)):
         changed(" with keys of rigid body settings: the values at the first frame hold")
     if animates(thing, "scale", "delta_scale") and not is_followed:
         changed(" with keys of scale: of the size at the first frame")
+    elif is_resized and not is_followed:
+        changed(" sized by a parent or a constraint: of the size at the first frame")
     if of.use_deform and not is_followed:
         changed(" with a mesh that deforms: of the shape at the first frame")
     if of.use_margin and of.collision_margin > 0:
@@ -54,6 +55,6 @@ def _body(thing, inside, findings, is_followed):
 
 def _others(thing, findings):
     for kind in sorted({OTHERS[of.type] for of in thing.modifiers if of.type in OTHERS}):
-        findings.add(LEFT_OUT, "object", f" with {kind}: without effect on the bake", thing.name)
+        findings.add(LEFT_OUT, "object", f" with {kind}: without effect on the bake", thing.name_full)
     if thing.particle_systems:
-        findings.add(LEFT_OUT, "object", " with particles: without effect on the bake", thing.name)
+        findings.add(LEFT_OUT, "object", " with particles: without effect on the bake", thing.name_full)

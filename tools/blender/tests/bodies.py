@@ -8,7 +8,8 @@ import bpy
 import numpy as np
 from drystone import applying
 
-from .common import PLACE, TURN, add, bake, cube, differences, empty, export, lines
+from .common import (DOWN, PLACE, TURN, UP, add, bake, block, constrain, cube, differences, empty, export, full_bake,
+                     lines, stage)
 
 
 def all_shapes():
@@ -146,3 +147,63 @@ def test_other_rates(command, folder):
     turned = bpy.data.objects["crate"].matrix_world.to_euler().z
     print(f"other rates: after 1 s fallen {fallen:.3f} m, turned {turned:.4f} rad")
     assert abs(fallen - 9.81 / 2) < 0.02 and abs(turned - 1) < 1e-3
+
+
+def linked_from(path, *names, override=False):
+    """Links objects from a file into the scene and its rigid body world."""
+    scene = bpy.context.scene
+    with bpy.data.libraries.load(str(path), link=True) as (_, linked):
+        linked.objects = list(names)
+    things = [thing.override_create() if override else thing for thing in linked.objects]
+    for thing in things:
+        scene.collection.objects.link(thing)
+        scene.rigidbody_world.collection.objects.link(thing)
+    bpy.context.view_layer.update()
+    return things
+
+
+def test_linked_of_the_same_name(program, folder):
+    """Objects of one name from several files are bodies of their own; those linked or overridden get no keys."""
+    empty(last=12)
+    add(cube(1, (9, 0, 2)), "ACTIVE", "BOX", "crate")
+    add(cube(1, (0, 0, 2)), "PASSIVE", "BOX", "post")
+    add(cube(1, (18, 0, 2)), "ACTIVE", "BOX", "over")
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "set.blend"), check_existing=False)
+    scene = empty(last=12)
+    crate, post = (add(cube(1, (0, y, 2)), "ACTIVE", "BOX", name) for y, name in ((4, "crate"), (8, "post")))
+    linked_from(folder / "set.blend", "crate", "post")
+    linked_from(folder / "set.blend", "over", override=True)
+    run, document, poses = full_bake(program, folder)
+    places = {body["name"]: body["position"] for body in document["bodies"]}
+    assert {name: np.round(place).tolist() for name, place in places.items()} == {
+        "crate": [0, 2, -4], "post": [0, 2, -8], "crate [set.blend]": [9, 2, 0], "post [set.blend]": [0, 2, 0],
+        "over": [18, 2, 0]}, places
+    assert lines(run.shot) == ["2 objects linked from another file: no keys, unless made local: "
+                               "'crate [set.blend]', 'over'"], lines(run.shot)
+    scene.frame_set(12)
+    for thing in (crate, post):
+        wanted = poses[-1, list(places).index(thing.name), :3] @ UP.T
+        assert np.allclose(thing.matrix_world.translation, wanted, atol=PLACE), (thing, wanted)
+    assert sorted(thing.name_full for thing in scene.objects if "drystone" in thing) == ["crate", "post"]
+
+
+def test_in_the_world_alone(program, folder):
+    """Bodies and constraints that no collection of the scene has are part of the bake, as in Blender."""
+    scene = stage(DOWN, 24)
+    crate = block("crate", (0, 0, 3))
+    lift = block("lift", (0, 0, 0), "PASSIVE", size=2, kinematic=True)
+    for frame, height in ((1, 0), (24, 1)):
+        lift.location.z = height
+        lift.keyframe_insert("location", frame=frame)
+    hangs = block("hangs", (9, 0, 0))
+    joint = constrain("POINT", block("post", (9, 0, 4), "PASSIVE"), hangs, (9, 0, 2))
+    for thing in (lift, hangs, joint):
+        scene.collection.objects.unlink(thing)
+    scene.frame_set(1)
+    run, document, poses = full_bake(program, folder)
+    heights = {body["name"]: poses[-1, i, 1] for i, body in enumerate(document["bodies"])}
+    assert abs(heights["lift"] - 1) < 1e-5 and heights["crate"] > 2.4 and abs(heights["hangs"]) < 1e-3, heights
+    assert lines(run.shot) == ["3 objects in the rigid body world alone: part of the bake, as in Blender: "
+                               "'lift', 'hangs', 'joint'"], lines(run.shot)
+    assert "drystone" in hangs and hangs.name not in scene.objects and crate.name in scene.objects
+    assert applying.delete_bake(scene) == 2 and "drystone" not in hangs

@@ -299,3 +299,143 @@ def test_exports_leave_a_scene_as_it_is(_program, folder):
     assert scene.frame_current == 7 and scene.rigidbody_world.enabled
     assert len(scene.rigidbody_world.collection.objects) == members
     assert json.loads((folder / "a.json").read_text())["bodies"]
+
+
+def test_without_a_mass(program, folder):
+    """A body whose mass is no positive number keeps its place, as in Blender, and is named."""
+    scene = stage(DOWN, 12)
+    block("crate", (0, 0, 3))
+    for i, mass in enumerate((0, -1, math.nan, math.inf)):
+        block(f"odd {i}", (4 + 3 * i, 0, 3), mass=mass)
+    assert np.allclose(in_blender()[-1, 1, :3, 3], (4, 0, 3))
+    run, document, _ = full_bake(program, folder)
+    assert [body["motion"] for body in document["bodies"]] == ["dynamic"] + 4 * ["static"]
+    assert lines(run.shot) == ["4 objects without a positive mass: moved by keys alone, as in Blender: "
+                               "'odd 0', 'odd 1', 'odd 2', 'odd 3'"], lines(run.shot)
+    assert "drystone" not in scene.objects["odd 0"]
+
+
+def test_any_number_of_odd_bodies(program, folder):
+    """However many bodies and meshes drystone refuses, the others are baked; one line counts each kind."""
+    scene = heap(61, last=3)
+    thin = bpy.data.meshes.new("thin")
+    thin.from_pydata([(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 0, 1e-3)], [], [(0, 1, 2)])
+    bpy.ops.object.select_all(action="DESELECT")
+    walls = [bpy.data.objects.new(f"wall {i}", thin) for i in range(30)]
+    for i, wall in enumerate(walls):
+        wall.location = (4 * i, 20, 2)
+        scene.collection.objects.link(wall)
+        wall.select_set(True)
+    bpy.context.view_layer.objects.active = walls[0]
+    bpy.ops.rigidbody.objects_add(type="PASSIVE")
+    for wall in walls:
+        wall.rigid_body.collision_shape = "MESH"
+    for i in range(1, 61):
+        scene.objects[f"thing {i}"].location.z = 1e30
+    bpy.context.view_layer.update()
+    run, _, _ = full_bake(program, folder)
+    assert run.said[0] == "1 body baked", run.said
+    found = {of.text: len(of.names) for of in run.shot.findings}
+    # The hulls of the walls are as thin as their meshes.
+    assert found == {" that Drystone refuses: left out": 90, ": solid below, so that nothing falls through": 1}, found
+
+
+def test_speed_is_named(_program, _folder):
+    """A time of a frame that Drystone refuses is told as the setting of Blender that makes it."""
+    scene = stage(DOWN, 3)
+    block("crate", (0, 0, 3))
+    for speed in (0, 50):
+        scene.rigidbody_world.time_scale = speed
+        try:
+            exported()
+            assert False, f"a speed of {speed}"
+        except ValueError as error:
+            assert str(error) == (f"Speed of the rigid body world is {speed}; accepted: from 2.4e-05 to 24 at 24 "
+                                  "frames per second"), error
+
+
+def placed(name, parent=None, **channels):
+    """An empty with keys of channels: values at the first frame and at frame 12."""
+    thing = bpy.data.objects.new(name, None)
+    bpy.context.scene.collection.objects.link(thing)
+    thing.parent = parent
+    for path, values in channels.items():
+        for frame, value in zip((1, 12), values):
+            setattr(thing, path, value)
+            thing.keyframe_insert(path, frame=frame)
+    return thing
+
+
+def test_moved_without_own_keys(_program, _folder):
+    """A passive object is told to move whoever moves it, and not if nothing does."""
+    scene = stage(DOWN, 12)
+    block("crate", (0, 0, 3))
+    bpy.ops.curve.primitive_bezier_circle_add(radius=3)
+    path = bpy.context.object
+    path.data.use_path, path.data.path_duration = True, 12
+    for frame in (1, 12):
+        path.data.eval_time = frame - 1
+        path.data.keyframe_insert("eval_time", frame=frame)
+    block("on a path", (0, 9, 0), "PASSIVE").parent = path
+    block("at rest", (0, 18, 0), "PASSIVE").parent = placed("still")
+    scene.frame_set(1)
+    assert lines(exported()) == ["1 passive object moved but not Animated: still: 'on a path'"]
+
+
+def test_sizes_of_others(_program, _folder):
+    """A size that keys of a parent or a constraint make is told as what it is."""
+    scene = stage(DOWN, 12)
+    block("crate", (0, 0, 9))
+    grows = placed("grows", scale=((1, 1, 1), (1, 1, 6)))
+    block("child", (0, 0, 0), "PASSIVE", kinematic=True).parent = grows
+    block("copy", (9, 0, 0), "PASSIVE", kinematic=True).constraints.new("COPY_SCALE").target = grows
+    double = placed("double")
+    double.scale = (2, 2, 2)
+    block("doubled", (18, 0, 9)).constraints.new("COPY_SCALE").target = double
+    scene.frame_set(1)
+    assert lines(exported()) == [
+        "1 object sized by a constraint, off while baked: simulated in that size, shown in its own: 'doubled'",
+        "2 objects sized by a parent or a constraint: of the size at the first frame: 'child', 'copy'",
+        "1 object with object constraints: off while baked: 'doubled'"], lines(exported())
+
+
+def test_wind_that_blows(_program, _folder):
+    """Wind acts as in Blender: also if the eye hides it, not if it is disabled or excluded; turns are told."""
+    def disabled(wind):
+        wind.hide_viewport = True
+
+    def excluded(wind):
+        collection = bpy.data.collections.new("winds")
+        bpy.context.scene.collection.children.link(collection)
+        collection.objects.link(wind)
+        bpy.context.scene.collection.objects.unlink(wind)
+        bpy.context.view_layer.layer_collection.children["winds"].exclude = True
+
+    def turning(wind):
+        wind.parent = placed("turns", rotation_euler=((0, 0, 0), (0, 0, 3)))
+
+    told = ["1 wind turned by a parent or a constraint: as at the first frame: 'wind'"]
+    for change, blows, said in ((lambda wind: wind.hide_set(True), True, []), (disabled, False, []),
+                                (excluded, False, []), (turning, True, told)):
+        scene = stage((0, 0, 0), 12)
+        block("crate", (0, 0, 3))
+        bpy.ops.object.effector_add(type="WIND", rotation=(0, math.pi / 2, 0))
+        wind = bpy.context.object
+        wind.name, wind.field.strength, wind.field.flow = "wind", 200, 0
+        change(wind)
+        moved = np.abs(np.ptp(in_blender()[:, 0, :3, 3], axis=0)).max() > 0.1
+        scene.frame_set(1)
+        shot = exported(ALL)
+        assert moved == ("force" in body_of(shot, "crate")) == blows and lines(shot) == said, (moved, lines(shot))
+
+
+def test_off_the_origin(_program, _folder):
+    """A shape lies around its mesh, where Blender has it around the origin: this is told."""
+    stage(DOWN, 3)
+    for vertex in block("crate", (0, 0, 3)).data.vertices:
+        vertex.co.z += 0.3
+    block("even", (4, 0, 3))
+    shot = exported()
+    assert np.allclose(body_of(shot, "crate")["shapes"][0]["position"], (0, 0.3, 0))
+    assert lines(shot) == ["1 object with a mesh off its origin: the shape is around the mesh, in Blender around the "
+                           "origin: 'crate'"], lines(shot)

@@ -2,10 +2,10 @@
 
 import bpy
 import numpy as np
-from drystone import exporting
+from drystone import applying, exporting
 from drystone.channels import matrices
 
-from .common import DOWN, add, block, cube, empty, full_bake, lines, stage
+from .common import DOWN, PLACE, UP, add, block, cube, empty, full_bake, lines, stage
 
 # A program that follows vertices.
 FOLLOWS = exporting.Abilities(vertex_track=True)
@@ -229,3 +229,40 @@ def test_rising_floor(program, folder):
     rose = poses[-1, crate, 1] - 0.5
     print(f"passive: a floor that rises by 1 m carries a crate by {rose:.4f} m")
     assert abs(rose - 1) < 2e-3
+
+
+def test_following_a_body(program, folder):
+    """What follows an active body is told, and left out if it moves; parents that do so are left while baked."""
+    scene = stage(DOWN, 12)
+    crate = block("crate", (0, 0, 5))
+    for name, place, kinematic in (("child", (9, 0, 0), False), ("Animated child", (18, 0, 0), True)):
+        block(name, place, "PASSIVE", kinematic=kinematic).parent = crate
+    copy = block("copy", (27, 0, 0), "PASSIVE", kinematic=True).constraints.new("COPY_LOCATION")
+    copy.target, copy.use_offset = crate, True
+    driver = block("driven", (36, 0, 0), "PASSIVE", kinematic=True).driver_add("location", 2).driver
+    variable = driver.variables.new()
+    variable.type, driver.expression = "TRANSFORMS", variable.name
+    variable.targets[0].id, variable.targets[0].transform_type = crate, "LOC_Z"
+    holder = bpy.data.objects.new("holder", None)
+    scene.collection.objects.link(holder)
+    holder.constraints.new("COPY_LOCATION").target = crate
+    below = block("below", (45, 0, 0))
+    below.parent = holder
+    collection = in_collection("posts", block("post", (0, 0, 0), "PASSIVE"))
+    instancer("shows posts", collection, location=(54, 0, 0), parent=crate)
+    block("apart", (63, 0, 0), "PASSIVE").parent = instancer("still", None)
+    bpy.context.view_layer.update()
+    deltas = [tuple(thing.delta_location) for thing in scene.objects]
+    run, document, poses = full_bake(program, folder)
+    following = "following a body that the simulation moves"
+    assert sorted(lines(run.shot)) == [
+        "1 instancer following a body that the simulation moves: still, as at the first frame: 'shows posts'",
+        "1 object below another body or an uneven parent: without a parent while baked: 'below'",
+        f"1 passive object {following}: still, as at the first frame: 'child'",
+        f"3 objects {following}: left out: 'Animated child', 'copy', 'driven'"], lines(run.shot)
+    names = [body["name"] for body in document["bodies"]]
+    assert names == ["crate", "child", "below", "apart", "shows posts: post"], names
+    scene.frame_set(12)
+    assert np.allclose(below.matrix_world.translation, poses[-1, 2, :3] @ UP.T, atol=PLACE)
+    applying.delete_bake(scene)
+    assert deltas == [tuple(thing.delta_location) for thing in scene.objects] and below.parent == holder

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import bpy
 import numpy as np
-from drystone import applying, baking, binary, operators
+from drystone import applying, baking, binary, cutting, operators
 from drystone.curves import curves_of
 
 from .common import DOWN, LONG, block, full_bake, heap, midway, stage
@@ -220,3 +220,33 @@ def test_modal(program, folder):
     results, window, said = modal(program, folder, escape)
     assert results[5] == {"RUNNING_MODAL"} and results[-1] <= {"FINISHED", "CANCELLED"} and window.timers == 0
     assert said[-1][1].startswith("stopped"), said
+
+
+def test_without_a_world(program, folder):
+    """All that needs a rigid body world says so, once it has been removed."""
+    scene = stage(DOWN, 12)
+    block("crate", (0, 0, 3))
+    run, _, _ = full_bake(program, folder)
+    bpy.ops.rigidbody.world_remove()
+    scene.frame_set(5)
+    for work in (lambda: baking.Bake(bpy.context, program, baking.Options(), folder),
+                 lambda: baking.Bake(bpy.context, program, baking.Options(), folder, from_here=True),
+                 lambda: applying.apply(bpy.context, run.output),
+                 lambda: cutting.Cutting(bpy.context, program, baking.Options(), folder)):
+        try:
+            work()
+            assert False, "no error"
+        except ValueError as error:
+            assert str(error).startswith("the scene has no rigid body world: add one"), error
+    assert applying.delete_bake(scene) == 1
+
+
+def test_renamed_scene(program, folder):
+    """A scene that is renamed during its bake gets all keys."""
+    scene = stage(DOWN, 12)
+    block("crate", (0, 0, 3))
+    bake = baking.Bake(bpy.context, program, baking.Options(), folder)
+    bake.poll()
+    scene.name = "Shot 2"
+    bake.finish()
+    assert bake.said[0] == "1 body baked" and keys_of("crate") == {12}

@@ -281,7 +281,11 @@ fn meshes_that_cannot_deform_are_named() {
     for (prims, expected, deforms) in [
         (square(hull, &bent), "a hull, box or ball stands for it", false),
         (square("", &more), "it has 4 points, and 1 at the time code 10", false),
-        (square(skin, &format!("0: {}", at(0.0))), "does not follow a skeleton or blend shapes", false),
+        (
+            square(skin, &format!("0: {}", at(0.0))),
+            "does not follow a skeleton or blend shapes",
+            false,
+        ),
         (square("", &closing), "1 of 2 triangles have no area at some time", true),
     ] {
         let Read { scene, warnings, .. } = stage(&prims);

@@ -26,7 +26,8 @@ pub(super) fn deform(
     if samples.windows(2).all(|pair| matches!(pair, [(_, a), (_, b)] if a == b)) {
         return Ok(kind);
     }
-    let mut still = |why: &str| stage.warn(prim, format!("its mesh does not deform: {why}"), warnings);
+    let mut still =
+        |why: &str| stage.warn(prim, format!("its mesh does not deform: {why}"), warnings);
     let (mut vertices, mut triangles, decomposition) = match kind {
         Some(ShapeKind::Trimesh { vertices, triangles, decomposition, .. }) => {
             (vertices, triangles, decomposition)
@@ -68,7 +69,8 @@ pub(super) fn deform(
     triangles.retain(|corners| track.flat(*corners).is_none());
     let flat = all - triangles.len();
     if flat > 0 {
-        let what = format!("{flat} of {all} triangles have no area at some time, and touch nothing");
+        let what =
+            format!("{flat} of {all} triangles have no area at some time, and touch nothing");
         stage.warn(prim, what, warnings);
     }
     Ok(if triangles.is_empty() { None } else { whole(vertices, triangles, Some(track)) })

@@ -142,6 +142,9 @@ pub(crate) enum RowCoordinate {
     /// Component of the rotation vector of the swing in frame b. Exact where both are locked to
     /// zero.
     SwingVector(usize),
+    /// Sine of a swing: how far the x axis of a leans along an axis of b. It holds the two at right
+    /// angles, without a singular place.
+    Lean(usize),
 }
 
 impl RowCoordinate {
@@ -149,7 +152,7 @@ impl RowCoordinate {
     pub(crate) fn is_angle(&self) -> bool {
         match self {
             Self::Of(coordinate) => coordinate.is_angle(),
-            Self::RotationVector(_) | Self::SwingVector(_) => true,
+            Self::RotationVector(_) | Self::SwingVector(_) | Self::Lean(_) => true,
         }
     }
 }
@@ -163,6 +166,8 @@ pub(crate) struct JointPlaces {
     pub(crate) start: [Place; 2],
     /// Centers of mass of a and b. \[m\]
     pub(crate) centers: [Vec3; 2],
+    /// Axis of the frames about which gears and pinions turn.
+    gear_axis: Vec3,
     /// Frame a in frame b.
     relative: Place,
     /// Its rotation vector, and that of its swing, once a row has asked for them. \[rad\]
@@ -211,6 +216,11 @@ struct Wrench {
 const X: Vec3 = Vector([1.0, 0.0, 0.0]);
 const Z: Vec3 = Vector([0.0, 0.0, 1.0]);
 
+/// Returns the axis of frames about which gears and pinions turn in a space of `dimension`.
+pub(crate) fn gear_axis(dimension: usize) -> Vec3 {
+    if dimension == 2 { Z } else { X }
+}
+
 fn unit(axis: usize) -> Vec3 {
     let mut unit = Vec3::ZERO;
     unit[axis] = 1.0;
@@ -238,7 +248,13 @@ impl JointPlaces {
     pub(crate) fn new(frames: [Place; 2], start: [Place; 2], centers: [Vec3; 2]) -> Self {
         let relative = frames[1].local(&frames[0]);
         let (rotation, swing) = (OnceCell::new(), OnceCell::new());
-        Self { frames, start, centers, relative, rotation, swing }
+        Self { frames, start, centers, gear_axis: X, relative, rotation, swing }
+    }
+
+    /// Returns the places of a joint whose gears and pinions turn about this axis of their frames: z
+    /// in the plane.
+    pub(crate) fn with_gears_about(self, gear_axis: Vec3) -> Self {
+        Self { gear_axis, ..self }
     }
 
     /// Reads a coordinate.
@@ -279,10 +295,15 @@ impl JointPlaces {
                 let vector = self.swing.get_or_init(|| swing(&relative.turn));
                 angular(vector[*axis], unit(*axis))
             }
+            RowCoordinate::Lean(about) => {
+                let (along, sign) = side_of_swing(*about);
+                let e = relative.turn.rotate(X);
+                angular(e[along] * sign, cross(e, unit(along)) * sign)
+            }
         };
         let angles = match coordinate {
             RowCoordinate::Of(Coordinate::Screw { pitch }) => {
-                [[twist(&relative.turn).0, -pitch / std::f64::consts::TAU], [0.0; 2]]
+                [[twist(&relative.turn, X).0, -pitch / std::f64::consts::TAU], [0.0; 2]]
             }
             RowCoordinate::Of(of) if of.is_angle() => [[value, 1.0], [0.0; 2]],
             _ => [[0.0; 2]; 2],
@@ -296,7 +317,7 @@ impl JointPlaces {
         let turned = |side: usize| {
             let (frame, start) = (&self.frames[side], &self.start[side]);
             let turn = start.turn.inverse().of(&frame.turn);
-            let (angle, axis) = twist(&turn);
+            let (angle, axis) = twist(&turn, self.gear_axis);
             (angle, start.turn.rotate(axis))
         };
         let spin = |axis: Vec3| Velocity { linear: Vec3::ZERO, angular: axis };
@@ -333,13 +354,13 @@ impl JointPlaces {
     }
 }
 
-/// Returns the twist angle of a rotation \[rad\], and the rotation axis of its rate.
+/// Returns the twist angle of a rotation about a unit vector \[rad\], and the rotation axis of its
+/// rate.
 #[inline(always)]
-fn twist(turn: &Turn) -> (f64, Vec3) {
-    let [x, _, _, w] = turn.0;
-    let e = turn.rotate(X);
-    let sum = X + e;
-    (2.0 * libm::atan2(x, w), sum * (1.0 / (1.0 + X.dot(e)).max(SINGULAR)))
+fn twist(turn: &Turn, about: Vec3) -> (f64, Vec3) {
+    let e = turn.rotate(about);
+    let (sine, sum) = (turn.axis().dot(about), about + e);
+    (2.0 * libm::atan2(sine, turn.0[3]), sum * (1.0 / (1.0 + about.dot(e)).max(SINGULAR)))
 }
 
 /// Returns the rotation vector of the swing of a rotation: of the shortest rotation that takes x to
@@ -366,12 +387,12 @@ fn of_relative(coordinate: &Coordinate, relative: &Place) -> (f64, Wrench) {
         }
         Coordinate::Angle => angular(2.0 * libm::atan2(turn.0[2], turn.0[3]), Z),
         Coordinate::Screw { pitch } => {
-            let (angle, axis) = twist(turn);
+            let (angle, axis) = twist(turn, X);
             let per_radian = -pitch / std::f64::consts::TAU;
             (p[0] + per_radian * angle, Wrench { linear: X, angular: axis * per_radian })
         }
         Coordinate::Twist => {
-            let (value, axis) = twist(turn);
+            let (value, axis) = twist(turn, X);
             angular(value, axis)
         }
         Coordinate::Rotation => {
@@ -383,14 +404,19 @@ fn of_relative(coordinate: &Coordinate, relative: &Place) -> (f64, Wrench) {
     }
 }
 
+/// Returns the axis of b along which the x axis of a goes in a swing, with its sign: about y it falls
+/// along z, about z it rises along y.
+fn side_of_swing(about: usize) -> (usize, f64) {
+    if about == 1 { (2, -1.0) } else { (1, 1.0) }
+}
+
 /// Evaluates a coordinate of the direction e of the x axis of frame a in frame b.
 #[inline(always)]
 fn of_direction(coordinate: &Coordinate, e: Vec3) -> (f64, Wrench) {
     let (sine, axis) = polar(cross(X, e), Z);
     match *coordinate {
         Coordinate::Swing(about) => {
-            // About y the x axis falls along z, about z it rises along y.
-            let (component, sign) = if about == 1 { (2, -1.0) } else { (1, 1.0) };
+            let (component, sign) = side_of_swing(about);
             let (own, c) = (e[component] * sign, 1.0 + e[0]);
             let rate = cross(e, unit(component)) * (sign * c) - cross(e, X) * own;
             let value = 2.0 * libm::atan2(own, c);
@@ -442,10 +468,12 @@ pub(crate) fn nearest(angle: f64, before: f64, turn: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const COORDINATES: [RowCoordinate; 19] = {
+    const COORDINATES: [RowCoordinate; 21] = {
         use Coordinate as C;
-        use RowCoordinate::Of;
+        use RowCoordinate::{Lean, Of};
         [
+            Lean(1),
+            Lean(2),
             Of(C::Linear(0)),
             Of(C::Linear(1)),
             Of(C::Linear(2)),

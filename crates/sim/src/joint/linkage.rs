@@ -9,7 +9,7 @@ use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Velocity};
 
 use super::coordinates::{JointPlaces, Place, Turn, Vec3};
 use super::places::{BodyPlaces, flattened, in_space};
-use super::record::{JointRecord, WORLD};
+use super::record::{JointRecord, RowState, WORLD};
 use super::rows::{Motion, Role, RowParams};
 use super::tension::{self, Tension};
 use crate::bodies::Inertia;
@@ -37,7 +37,18 @@ const LEAST_SPEED: f64 = 1.0;
 const MOST_CURVE: f64 = 0.3;
 
 /// Parameters of a row before J is computed.
-const NO_PARAMS: RowParams = RowParams { h: 0.0, mobility: 0.0, compliance: 0.0, repair: [0.0; 2] };
+const NO_PARAMS: RowParams = RowParams {
+    h: 0.0,
+    mobility: 0.0,
+    arm: 0.0,
+    compliance: 0.0,
+    repair: [0.0; 2],
+    strongest: 0.0,
+};
+
+/// Force of a motor or damper without a bound over the weight of its mechanism: a force that locks and
+/// limits bear. \[1\]
+const STRONGEST: f64 = 1e4;
 
 /// A mechanism of a world.
 #[derive(Clone, Debug)]
@@ -132,8 +143,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     }
 
     /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps of
-    /// `h` \[s\]. A lock that carries the weight of the mechanism yields by `stretch` \[m\]. Repair
-    /// is at most as fast as `speed`. \[m/s\]
+    /// `h` \[s\]. A lock that carries the weight of the mechanism, or the largest load of a lock if that
+    /// is more, yields by `stretch` \[m\]. Repair is at most as fast as `speed`. \[m/s\]
     pub(crate) fn renew<G: Geometry<L, A>>(
         &mut self,
         at: &BodyPlaces<'_, G, L, A>,
@@ -172,17 +183,38 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             record.count_turns(&places, turns);
             let own = joint.bodies.map(|body| masses[body as usize].cast());
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
-            for (axis, plan) in axes.iter_mut().zip(&record.rows) {
+            self.params.extend(axes.iter().map(|axis| {
                 let mobility = axis.mobility(&own);
-                let scale = if axis.is_turn() && unit > 0.0 { mobility / unit } else { 1.0 };
-                let compliance = REPAIR * stretch * self.compliance * scale / (h * h);
-                let repair = [REPAIR, speed * scale.sqrt()];
-                let params = RowParams { h, mobility, compliance, repair };
-                axis.law.compliance = plan.role.compliance(&params);
-                self.params.push(params);
-            }
+                let is_turn = axis.is_turn() && unit > 0.0;
+                let arm = if is_turn { (unit / mobility).sqrt() } else { 1.0 };
+                let strongest = STRONGEST * h * arm / self.compliance;
+                RowParams {
+                    h,
+                    mobility,
+                    arm,
+                    compliance: 0.0,
+                    repair: [REPAIR, speed / arm],
+                    strongest,
+                }
+            }));
+        }
+        let give = 1.0 / self.load(joints).max(1.0 / self.compliance);
+        let roles = joints.of(self).flat_map(|record| &record.rows).map(|row| &row.role);
+        for ((axis, params), role) in part.axes.iter_mut().zip(&mut self.params).zip(roles) {
+            params.compliance = REPAIR * stretch * give / (h * h * params.arm * params.arm);
+            axis.law.compliance = role.compliance(params);
         }
         part.renew(masses);
+    }
+
+    /// Returns the largest force that a lock or limit bears. \[N\]
+    fn load(&self, joints: ActingJoints<'_>) -> f64 {
+        let rows = joints.of(self).flat_map(|record| record.rows.iter().zip(&record.states));
+        let rigid = rows.zip(&self.params).filter(|((row, _), _)| row.role.is_rigid());
+        let force = |((_, state), params): ((_, &RowState), &RowParams)| {
+            state.lasting().abs() / (params.h * params.arm)
+        };
+        rigid.map(force).fold(0.0, f64::max)
     }
 
     /// Finds the places of the bodies.

@@ -18,6 +18,8 @@ pub(crate) struct JointRecord {
     pub(crate) frames: [Place; 2],
     /// Frames in the world when the bodies were joined.
     pub(crate) start: [Place; 2],
+    /// Axis of the frames about which gears and pinions turn: x, or z in the plane.
+    pub(crate) gear_axis: Vec3,
     pub(crate) axes: Vec<JointAxis>,
     pub(crate) rows: Vec<RowPlan>,
     pub(crate) states: Vec<RowState>,
@@ -66,6 +68,7 @@ impl JointRecord {
     pub(crate) fn places_at(&self, [a, b]: [Place; 2]) -> JointPlaces {
         let frames = [a.of(&self.frames[0]), b.of(&self.frames[1])];
         JointPlaces::new(frames, self.start, [a.position, b.position])
+            .with_gears_about(self.gear_axis)
     }
 
     /// Counts the turns of axes without rows.

@@ -10,6 +10,10 @@
 //!
 //! A limit acts on one side only. It may be reached within the substep, but not passed.
 //!
+//! Gravity moves bodies by half of its gain before a row acts (`motion.rs`). So the mean velocity of a
+//! substep is (q_end - q) / h, not J v. Springs, motors and friction aim at a mean velocity, too: the
+//! curve J v - (q_end - q) / h is part of their targets.
+//!
 //! A spring that alone moves an effective mass m follows its oscillation exactly. With frequency w,
 //! damping ratio zeta and w_d = w sqrt(1 - zeta^2),
 //!
@@ -51,7 +55,9 @@ impl RowPlan {
         matches!(self.role, Role::Lock(..))
             && matches!(
                 self.coordinate,
-                RowCoordinate::SwingVector(_) | RowCoordinate::RotationVector(_)
+                RowCoordinate::SwingVector(_)
+                    | RowCoordinate::RotationVector(_)
+                    | RowCoordinate::Lean(_)
             )
     }
 }
@@ -68,27 +74,18 @@ pub(crate) enum Role {
     Friction(f64),
 }
 
-/// Returns the rows of these axes.
-pub(crate) fn plan(axes: &[JointAxis]) -> Vec<RowPlan> {
-    let is_zero = |coordinate: Coordinate| {
-        axes.iter().any(|axis| axis.coordinate == coordinate && axis.lock() == Some(0.0))
-    };
-    let swings = is_zero(Coordinate::Swing(1)) && is_zero(Coordinate::Swing(2));
-    let all = swings && is_zero(Coordinate::Twist);
+/// Returns the rows of these axes of a joint in a space of `dimension`.
+pub(crate) fn plan(axes: &[JointAxis], dimension: usize) -> Vec<RowPlan> {
     let mut rows = Vec::new();
     for (index, axis) in axes.iter().enumerate() {
         let mut add = |coordinate, role| rows.push(RowPlan { coordinate, role, axis: index });
         let own = RowCoordinate::Of(axis.coordinate);
         match (axis.lock(), axis.limits) {
-            (Some(value), _) => {
-                let coordinate = match axis.coordinate {
-                    Coordinate::Twist if all => RowCoordinate::RotationVector(0),
-                    Coordinate::Swing(about) if all => RowCoordinate::RotationVector(about),
-                    Coordinate::Swing(about) if swings => RowCoordinate::SwingVector(about),
-                    _ => own,
-                };
-                add(coordinate, Role::Lock(value, axis.softness));
+            (Some(0.0), _) => {
+                let role = Role::Lock(0.0, axis.softness);
+                locked_to_zero(axis.coordinate, axes, dimension).for_each(|row| add(row, role));
             }
+            (Some(value), _) => add(own, Role::Lock(value, axis.softness)),
             (None, Some(limits)) if limits.iter().any(|limit| limit.is_finite()) => {
                 add(own, Role::Limit(limits, axis.softness));
             }
@@ -107,6 +104,33 @@ pub(crate) fn plan(axes: &[JointAxis]) -> Vec<RowPlan> {
     rows
 }
 
+/// Returns the coordinates that together lock a coordinate to zero. Distances and angles between
+/// directions have no derivative there: all components of their vector are locked.
+fn locked_to_zero(
+    coordinate: Coordinate,
+    axes: &[JointAxis],
+    dimension: usize,
+) -> impl Iterator<Item = RowCoordinate> {
+    let is_zero = |coordinate: Coordinate| {
+        axes.iter().any(|axis| axis.coordinate == coordinate && axis.lock() == Some(0.0))
+    };
+    let swings = is_zero(Coordinate::Swing(1)) && is_zero(Coordinate::Swing(2));
+    let all = swings && is_zero(Coordinate::Twist);
+    let linear = |axis| RowCoordinate::Of(Coordinate::Linear(axis));
+    let rows: Vec<RowCoordinate> = match coordinate {
+        Coordinate::Twist if all => vec![RowCoordinate::RotationVector(0)],
+        Coordinate::Swing(about) if all => vec![RowCoordinate::RotationVector(about)],
+        Coordinate::Swing(about) if swings => vec![RowCoordinate::SwingVector(about)],
+        Coordinate::Swing(about) => vec![RowCoordinate::Lean(about)],
+        Coordinate::Distance => (0..dimension).map(linear).collect(),
+        Coordinate::Radial(along) => (0..3).filter(|axis| *axis != along).map(linear).collect(),
+        Coordinate::Cone => [1, 2].map(RowCoordinate::SwingVector).into(),
+        Coordinate::Rotation => [0, 1, 2].map(RowCoordinate::RotationVector).into(),
+        other => vec![RowCoordinate::Of(other)],
+    };
+    rows.into_iter()
+}
+
 /// Parameters of a row that stay constant through a substep.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RowParams {
@@ -114,11 +138,22 @@ pub(crate) struct RowParams {
     pub(crate) h: f64,
     /// Effective mobility A_ii. \[1/kg, or 1/(kg m^2)\]
     pub(crate) mobility: f64,
+    /// Arm by which a force of a lock is the moment of this row; 1 for a position. \[m, or 1\]
+    pub(crate) arm: f64,
     /// Compliance of a lock. \[1/kg, or 1/(kg m^2)\]
     pub(crate) compliance: f64,
     /// Fraction of a gap that the substep repairs, and the largest speed of repair.
     /// \[1, m/s or rad/s\]
     pub(crate) repair: [f64; 2],
+    /// Largest impulse of a motor or damper without a bound: locks and limits bear it. \[N s, or N m s\]
+    pub(crate) strongest: f64,
+}
+
+impl RowParams {
+    /// Returns the factor from the numbers of a drive to forces.
+    fn scale(&self, drive: &Drive) -> f64 {
+        if drive.acceleration { 1.0 / self.mobility } else { 1.0 }
+    }
 }
 
 /// Motion of a row in a substep, as far as it is known before the solve.
@@ -172,7 +207,7 @@ impl Spring {
     }
 
     fn of_drive(drive: &Drive, params: &RowParams) -> Self {
-        let scale = if drive.acceleration { 1.0 / params.mobility } else { 1.0 };
+        let scale = params.scale(drive);
         Self::of(drive.stiffness * scale, drive.damping * scale, drive.velocity, params)
     }
 }
@@ -184,6 +219,10 @@ const LIGHT: f64 = 0.02;
 /// Largest velocity at which a motor or dry friction yields before it has reached its bound. \[m/s, or
 /// rad/s\]
 const YIELD: f64 = 1e-5;
+
+/// Share of the compliance of a lock that a motor without a bound has. The stretch of a lock is
+/// repaired, but what a motor slips is lost. \[1\]
+const SLIP: f64 = 0.01;
 
 const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
@@ -203,7 +242,7 @@ impl Role {
             {
                 params.compliance.min(YIELD / (max_force * params.h))
             }
-            Self::Drive(_) | Self::Friction(_) => params.compliance,
+            Self::Drive(_) | Self::Friction(_) => params.compliance * SLIP,
         }
     }
 
@@ -231,16 +270,22 @@ impl Role {
                 ([to(low), to(high)], ANY)
             }
             Self::Drive(drive) => {
-                let most = drive.max_force * h;
+                let most = if drive.max_force.is_finite() {
+                    drive.max_force * h
+                } else {
+                    // A spring bears what its stiffness says.
+                    let force = drive.stiffness * params.scale(drive) * (drive.position - at.value);
+                    params.strongest + (force.abs() * h).max(0.0)
+                };
                 let target = if drive.damping.is_finite() {
                     let spring = Spring::of_drive(drive, params);
                     spring.gain * (drive.position - at.value) + spring.drift
                 } else {
                     drive.velocity
                 };
-                ([target; 2], [-most, most])
+                ([curve + target; 2], [-most, most])
             }
-            Self::Friction(most) => ([0.0; 2], [-most * h, most * h]),
+            Self::Friction(most) => ([curve; 2], [-most * h, most * h]),
         };
         Interval { targets, bounds, compliance }
     }
@@ -256,6 +301,10 @@ impl Role {
         h: f64,
     ) -> Interval<f64> {
         let compliance = law.compliance;
+        let motor = |velocity: f64| {
+            let target = velocity - compliance * solved;
+            ([target; 2], law.bounds.map(|bound| bound - solved))
+        };
         let (targets, bounds) = match self {
             Self::Lock(_, None) => ([0.0; 2], ANY),
             Self::Limit([low, high], None) => {
@@ -267,11 +316,12 @@ impl Role {
                     () => ([below, above], ANY),
                 }
             }
-            Self::Limit(_, Some(_)) => (law.targets, [0.0; 2]),
-            Self::Lock(_, Some(_)) | Self::Drive(_) | Self::Friction(_) => (
-                law.targets.map(|target| target - compliance * solved),
-                law.bounds.map(|bound| bound - solved),
-            ),
+            Self::Drive(Drive { damping: f64::INFINITY, velocity, .. }) => motor(*velocity),
+            Self::Friction(_) => motor(0.0),
+            // A spring that bears a weight moves at the end of a substep as the weight would fall.
+            Self::Lock(_, Some(_)) | Self::Limit(_, Some(_)) | Self::Drive(_) => {
+                (law.targets, [0.0; 2])
+            }
         };
         Interval { targets, bounds, compliance }
     }
@@ -283,6 +333,11 @@ impl Role {
             Self::Limit([low, high], None) => (low - value).max(value - high).max(0.0),
             _ => 0.0,
         }
+    }
+
+    /// Returns true if the row is a lock or limit without softness.
+    pub(crate) fn is_rigid(&self) -> bool {
+        matches!(self, Self::Lock(_, None) | Self::Limit(_, None))
     }
 
     /// Returns true if the row is a lock without softness.

@@ -178,7 +178,8 @@ fn a_pose_that_is_not_finite_is_an_error() {
     let (mut document, mut bytes) = (json!({}), Vec::new());
     let mut gltf = GltfBuffer { document: &mut document, bytes: &mut bytes, buffer: 0 };
     let targets = [Target { node: 0, body: 0, unit: 1.0, local: &as_body }];
-    let error = append_clip(&mut gltf, "", &run, (&targets, &[]), &Sampling::default()).unwrap_err();
+    let error =
+        append_clip(&mut gltf, "", &run, (&targets, &[]), &Sampling::default()).unwrap_err();
     assert!(error.to_string().starts_with("the pose of body 0 at 0.0166"), "{error}");
 }
 

@@ -124,8 +124,10 @@ pub(super) fn read_limits(
 /// Warns of angles beyond those that the coordinate can have: mostly, they are in degrees.
 fn warn_of_reach(field: &FieldCursor<'_>, coordinate: Coordinate, limits: [f64; 2]) {
     let reach = match coordinate {
-        Coordinate::Swing(_) | Coordinate::Cardan(1) => FRAC_PI_2,
-        Coordinate::Cone | Coordinate::Rotation | Coordinate::Cardan(_) => PI,
+        Coordinate::Cardan(1) => FRAC_PI_2,
+        Coordinate::Swing(_) | Coordinate::Cone | Coordinate::Rotation | Coordinate::Cardan(_) => {
+            PI
+        }
         _ => return,
     };
     if limits.iter().any(|x| x.is_finite() && x.abs() > reach + 1e-6) {

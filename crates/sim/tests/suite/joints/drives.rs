@@ -1,0 +1,245 @@
+//! What drives, brakes and limits bear: weights, each other, and more than any weight.
+
+use drystone::geometry::{Rigid2, Rigid3};
+use drystone::{Coordinate, Drive, Joint, JointAxis, JointId, World};
+
+use super::*;
+
+/// Returns a slider along y with 10 kg under gravity, which these drives and friction hold.
+fn lift<G: Rigid<L, A>, const L: usize, const A: usize>(
+    preset: &Preset,
+    drives: Vec<Drive>,
+    friction: f64,
+) -> (World<G, L, A>, JointId) {
+    let mut world: World<G, L, A> = preset.world();
+    let body = world.add(ghost([0.0; 3], inertia(10.0, [1.0; 3]))).unwrap();
+    let slider = Joint::slider([Some(body), None]).about(v(0.0, 1.0, 0.0));
+    let axis = JointAxis { drives, friction, ..JointAxis::free(Coordinate::Linear(0)) };
+    let joint = world.join(slider.along(axis)).unwrap();
+    (world, joint)
+}
+
+/// Returns the way of the weight in four seconds.
+fn lifted<G: Rigid<L, A>, const L: usize, const A: usize>(
+    preset: &Preset,
+    drives: Vec<Drive>,
+    friction: f64,
+) -> f64 {
+    let (mut world, joint) = lift::<G, L, A>(preset, drives, friction);
+    run(&mut world, 4.0);
+    world.joint(joint).unwrap().values[0]
+}
+
+fn weights<G: Rigid<L, A>, const L: usize, const A: usize>(preset: &Preset) {
+    const WEIGHT: f64 = 10.0 * ACCELERATION;
+    let held = [
+        ("a brake", vec![], 200.0),
+        ("a motor", vec![Drive::velocity(0.0).at_most(200.0)], 0.0),
+        ("a motor without a bound", vec![Drive::velocity(0.0)], 0.0),
+    ];
+    for (name, drives, friction) in held {
+        let way = lifted::<G, L, A>(preset, drives, friction);
+        preset.below(&format!("way of {name}"), way.abs(), 1e-4);
+    }
+    for most in [200.0, f64::INFINITY] {
+        let motor = Drive::velocity(0.1).at_most(most);
+        preset.check("a motor that lifts", lifted::<G, L, A>(preset, vec![motor], 0.0), 0.4);
+    }
+    let damper = Drive::spring(0.0, 0.0, 1e4);
+    let sunk = lifted::<G, L, A>(preset, vec![damper], 0.0);
+    preset.check("a damper sinks", sunk, -4.0 * WEIGHT / 1e4);
+    for (stiffness, damping) in [(1e4, 1e3), (1e5, 2e3), (1e6, 1e4), (1e6, 1e5), (1e7, 0.0)] {
+        let spring = Drive::spring(0.0, stiffness, damping);
+        if damping > 0.0 {
+            let sag = lifted::<G, L, A>(preset, vec![spring], 0.0);
+            preset.check(&format!("sag at {stiffness} N/m"), sag, -WEIGHT / stiffness);
+        }
+    }
+}
+
+/// Brakes and motors hold a weight and lift it, dampers let it sink, and springs bear it, as force over
+/// stiffness says.
+#[test]
+fn drives_bear_weights() {
+    for preset in Preset::both() {
+        weights::<Rigid2, 2, 1>(&preset);
+        weights::<Rigid3, 3, 3>(&preset);
+    }
+}
+
+/// A servo about a level hinge bears 10 kg at 0.5 m, and so does a soft lock.
+#[test]
+fn a_servo_bears_an_arm() {
+    for preset in Preset::both() {
+        for (stiffness, damping) in [(1e5, 1e3), (1e6, 320.0), (1e5, 1e4)] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let body = world.add(ghost([0.5, 0.0, 0.0], inertia(10.0, [0.1; 3]))).unwrap();
+            let servo = Drive::spring(0.0, stiffness, damping);
+            let hinge = Joint::hinge([Some(body), None]).about([0.0, 0.0, 1.0]).drive(servo);
+            let hinge = world.join(hinge).unwrap();
+            run(&mut world, 3.0);
+            let angle = world.joint(hinge).unwrap().values.last().copied().unwrap();
+            let expected = -5.0 * ACCELERATION / stiffness;
+            preset.check(&format!("angle at {stiffness} N m"), angle, expected);
+        }
+    }
+}
+
+/// Limits hold against motors of any strength, also those written as a damping without end.
+#[test]
+fn a_limit_is_stronger_than_a_motor() {
+    for preset in Preset::both() {
+        for drive in [
+            Drive::velocity(2.0).at_most(1e6),
+            Drive::velocity(20.0),
+            Drive { velocity: 2.0, ..Drive::spring(0.0, 0.0, 1e12) },
+            Drive::spring(2.0, 1e6, 1e3),
+        ] {
+            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let body = world.add(ghost([0.0; 3], block(1.0, [0.3, 0.1, 0.1]))).unwrap();
+            let hinge = Joint::hinge([Some(body), None]).about([0.0, 0.0, 1.0]);
+            let hinge = world.join(hinge.limits(-1.0..=1.0).drive(drive)).unwrap();
+            let body = world.add(ghost([5.0, 0.0, 0.0], block(1.0, [0.3, 0.1, 0.1]))).unwrap();
+            let slider = Joint::slider([Some(body), None]).at([5.0, 0.0, 0.0]);
+            let slider = world.join(slider.limits(-1.0..=1.0).drive(drive)).unwrap();
+            let mut beyond = [0.0f64; 2];
+            for step in 0..300 {
+                if step == 240 {
+                    // 1e6 N m are 100 000 times what the limit bore before.
+                    let bound = if drive.max_force.is_finite() { 0.4 } else { 0.1 };
+                    preset.below("beyond a limit at its impact", beyond[0].max(beyond[1]), bound);
+                    beyond = [0.0; 2];
+                }
+                world.step(DT).unwrap();
+                let values =
+                    [world.joint(hinge).unwrap().values[5], world.joint(slider).unwrap().values[0]];
+                beyond = [0, 1].map(|i: usize| beyond[i].max(values[i] - 1.0));
+            }
+            preset.below(&format!("angle beyond its limit, {drive:?}"), beyond[0], 0.01);
+            preset.below(&format!("position beyond its limit, {drive:?}"), beyond[1], 0.01);
+        }
+    }
+}
+
+/// A ball joint with 1 kg bears 500 kN of a spring.
+#[test]
+fn a_joint_bears_any_load() {
+    for preset in Preset::both() {
+        for stiffness in [1e4, 1e5, 1e6] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let body = world.add(ghost([0.0; 3], inertia(1.0, [0.1; 3]))).unwrap();
+            let joint = world.join(Joint::ball([Some(body), None])).unwrap();
+            let still = |x: f32| Rigid3::pose(Vector([x, 0.0, 0.0]), &[0.0, 0.0, 0.0, 1.0]);
+            let spring = Joint::spring([Some(body), None], Drive::spring(0.5, stiffness, 100.0));
+            world.join(spring.in_bodies([still(0.0), still(1.0)])).unwrap();
+            run(&mut world, 3.0);
+            let state = world.joint(joint).unwrap();
+            preset.below(&format!("gap at {stiffness} N/m"), state.gap, 1e-4);
+            preset.check("its load", state.force, (0.25 * stiffness * stiffness + 96.2).sqrt());
+        }
+    }
+}
+
+/// The axes of a universal joint stay at right angles while it turns over, as those of a gimbal do.
+#[test]
+fn a_gimbal_turns_over() {
+    for preset in Preset::both() {
+        for omega in [[1.0, 0.0, 3.0], [3.0, 0.0, 3.0], [0.3, 0.0, 5.0]] {
+            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let body = world.add(ghost([0.0; 3], block(1.0, [0.3, 0.1, 0.2]))).unwrap();
+            let velocity = Velocity { angular: Vector(omega), ..Velocity::ZERO };
+            world.set_velocity(body, velocity).unwrap();
+            let cross = JointAxis::locked(Coordinate::Swing(1), 0.0);
+            world.join(Joint::ball([Some(body), None]).along(cross)).unwrap();
+            let energy = |world: &World<Rigid3, 3, 3>| world.measure().kinetic_energy;
+            world.step(DT).unwrap();
+            let start = energy(&world);
+            let (mut gap, mut most) = (0.0f64, 0.0f64);
+            for _ in 0..360 {
+                gap = gap.max(world.step(DT).unwrap().joint_gap[1]);
+                most = most.max(energy(&world) / start);
+            }
+            preset.below(&format!("angle at {omega:?}"), gap, 2e-3);
+            preset.below("energy", most, 1.0 + preset.energy);
+        }
+    }
+}
+
+/// Distances, cones and rotations that are locked to zero hold all of their directions.
+#[test]
+fn what_is_locked_to_zero_is_held() {
+    for preset in Preset::both() {
+        let distance = JointAxis::locked(Coordinate::Distance, 0.0);
+        let rope = JointAxis::limited(Coordinate::Distance, [0.0, 0.0]);
+        let cone = JointAxis::locked(Coordinate::Cone, 0.0);
+        let rotation = JointAxis::locked(Coordinate::Rotation, 0.0);
+        for (axes, moves) in [
+            (vec![distance.clone()], 0),
+            (vec![rope], 0),
+            (vec![distance.clone(), cone], 1),
+            (vec![distance, rotation], 2),
+        ] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let body = world.add(ghost([0.5, 0.0, 0.0], inertia(1.0, [0.1; 3]))).unwrap();
+            let joint = world.join(Joint::general([Some(body), None], axes)).unwrap();
+            let start = world.measure();
+            let start = start.kinetic_energy + start.potential_energy;
+            let (mut gap, mut most) = ([0.0f64; 2], 0.0f64);
+            for _ in 0..180 {
+                let report = world.step(DT).unwrap();
+                gap = [0, 1].map(|i: usize| gap[i].max(report.joint_gap[i]));
+                let now = world.measure();
+                most = most.max(now.kinetic_energy + now.potential_energy - start);
+            }
+            preset.below(&format!("gap of {moves}"), gap[0], preset.gap);
+            preset.below(&format!("angle of {moves}"), gap[1], 1e-4);
+            preset.below("energy", most, 0.01);
+            let fall = place(&world, body)[1];
+            assert_eq!(moves == 0, fall.abs() > 1e-3 || world.joint(joint).unwrap().gap > 1.0);
+        }
+    }
+}
+
+fn gear(preset: &Preset) {
+    let mut world: World<Rigid2, 2, 1> = preset.weightless();
+    let wheels =
+        [0.0, 2.0].map(|x| world.add(ghost([x, 0.0, 0.0], inertia(1.0, [0.1; 3]))).unwrap());
+    let hinges = [0, 1].map(|side: usize| {
+        let at = [2.0 * side as f32, 0.0];
+        world.join(Joint::hinge([Some(wheels[side]), None]).at(at)).unwrap()
+    });
+    let axis = JointAxis::locked(Coordinate::Gear { ratio: 2.0 }, 0.0);
+    world.join(Joint::general(wheels.map(Some), vec![axis])).unwrap();
+    world.set_velocity(wheels[0], in_plane([0.0; 2], 3.0)).unwrap();
+    run(&mut world, 5.0);
+    // The impulse p of the gear: 3 + p / I = w, 2 p / I = u, w + 2 u = 0.
+    let [w, u] = hinges.map(|hinge| *world.joint(hinge).unwrap().speeds.last().unwrap());
+    preset.check("speed of a wheel", w, 3.0 * 4.0 / 5.0);
+    preset.check("speed of the other", u, -0.5 * w);
+    let [q, p] = hinges.map(|hinge| *world.joint(hinge).unwrap().values.last().unwrap());
+    preset.check("turns", p, -0.5 * q);
+    assert!(q > 11.0);
+}
+
+/// Gears in the plane keep their ratio, and a pinion moves a rack.
+#[test]
+fn gears_turn_in_the_plane() {
+    for preset in Preset::both() {
+        gear(&preset);
+        let mut world: World<Rigid2, 2, 1> = preset.weightless();
+        let pinion = world.add(ghost([0.0; 3], inertia(1.0, [0.05; 3]))).unwrap();
+        let rod = world.add(ghost([0.0, -0.1, 0.0], inertia(2.0, [0.1; 3]))).unwrap();
+        let hinge = world.join(Joint::hinge([Some(pinion), None])).unwrap();
+        let slider = world.join(Joint::slider([Some(rod), None]).at([0.0, -0.1])).unwrap();
+        let axis = JointAxis::locked(Coordinate::Rack { radius: 0.1 }, 0.0);
+        world.join(Joint::general([Some(pinion), Some(rod)], vec![axis])).unwrap();
+        for _ in 0..180 {
+            world.add_force(rod, in_plane([10.0, 0.0], 0.0)).unwrap();
+            world.step(DT).unwrap();
+        }
+        let way = world.joint(slider).unwrap().values[0];
+        preset.check("way of the rack", way, 0.5 * 1.42857 * 9.0);
+        let turned = *world.joint(hinge).unwrap().values.last().unwrap();
+        preset.check("angle of the pinion", turned, -way / 0.1);
+    }
+}

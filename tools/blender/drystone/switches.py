@@ -1,0 +1,148 @@
+"""All that moves an object besides the keys of its bake: constraints, drivers, and strips of the NLA editor."""
+
+from dataclasses import dataclass
+
+from .curves import channelbags, is_replaced
+
+# Mark of the actions of bakes.
+OURS = "drystone"
+# Property of a copied action of a strip: the action that it stands for during a bake.
+STANDS_FOR = "drystone stands for"
+# Properties that keys of a bake hide, so that strips may go on with them.
+HIDDEN = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle")
+
+
+@dataclass
+class Switch:
+    """A property that turns a constraint, a driver or a track off."""
+
+    kind: str
+    name: str
+    owner: object
+    key: str
+    off: bool
+
+    @property
+    def is_on(self):
+        return getattr(self.owner, self.key) != self.off
+
+    def set(self, is_on):
+        if self.is_on != is_on:
+            setattr(self.owner, self.key, self.off != is_on)
+
+
+def _switches(thing):
+    """Returns all switches that a bake may turn off."""
+    found = [Switch(f"constraint {of.type}", of.name, of, "enabled", False) for of in thing.constraints]
+    data = thing.animation_data
+    drivers = [driver for driver in data.drivers if is_replaced(driver.data_path)] if data else []
+    tracks = data.nla_tracks if data else []
+    found += [Switch("driver", f"{of.data_path}[{of.array_index}]", of, "mute", True) for of in drivers]
+    found += [Switch("solo", of.name, of, "is_solo", False) for of in tracks]
+    found += [Switch("track", of.name, of, "mute", True) for of in tracks]
+    return found
+
+
+def _were_on(switches, notes):
+    """Returns for each switch whether it was on by the notes of an earlier bake.
+
+    A note without a switch of its name belongs to a renamed one: the next of its kind without a note.
+    """
+    left, found = list(notes), [False] * len(switches)
+    without = []
+    for i, switch in enumerate(switches):
+        same = next((note for note in left if note[:2] == [switch.kind, switch.name]), None)
+        if same:
+            left.remove(same)
+            found[i] = same[2]
+        else:
+            without.append(i)
+    for i in without:
+        renamed = next((note for note in left if note[0] == switches[i].kind), None)
+        if renamed:
+            left.remove(renamed)
+            found[i] = renamed[2]
+    return found
+
+
+def turn_off(thing, notes):
+    """Turns off all that would move an object; returns notes of what was on, given those of an earlier bake.
+
+    Without its solo track, an object would show the others, which are muted in its place.
+    """
+    switches = _switches(thing)
+    were_on, noted = _were_on(switches, notes), []
+    solo = [switch.owner for switch in switches if switch.kind == "solo" and switch.is_on]
+    for switch, was_on in zip(switches, were_on):
+        turns = switch.is_on and (switch.kind != "track" or solo and switch.owner not in solo)
+        noted.append([switch.kind, switch.name, bool(turns or was_on and not switch.is_on)])
+        if turns:
+            switch.set(False)
+    return noted
+
+
+def turn_on(thing, notes):
+    """Turns on what a bake has turned off."""
+    switches = _switches(thing)
+    for switch, was_on in zip(switches, _were_on(switches, notes)):
+        if was_on:
+            switch.set(True)
+
+
+def strips_of(thing):
+    """Returns all strips of an object that have an action, those within meta strips included."""
+    data = thing.animation_data
+    left = [strip for track in data.nla_tracks for strip in track.strips] if data else []
+    found = []
+    while left:
+        strip = left.pop()
+        left += strip.strips
+        found += [strip] if strip.action and strip.action_slot else []
+    return found
+
+
+def _use(strip, action, handle):
+    strip.action = action
+    strip.action_slot = next((slot for slot in action.slots if slot.handle == handle), None)
+
+
+def _acts_beside(path):
+    return is_replaced(path) and path not in HIDDEN
+
+
+def clean_strips(thing):
+    """Gives strips copies of their actions, without the keys that act beside a bake."""
+    for strip in strips_of(thing):
+        curves = [curve for bag in channelbags(strip.action, strip.action_slot) for curve in bag.fcurves]
+        if not any(_acts_beside(curve.data_path) for curve in curves):
+            continue
+        action, handle = strip.action, strip.action_slot.handle
+        copy = action.copy()
+        copy[OURS], copy[STANDS_FOR] = True, action
+        _use(strip, copy, handle)
+        for bag in channelbags(copy, strip.action_slot):
+            for curve in [curve for curve in bag.fcurves if _acts_beside(curve.data_path)]:
+                bag.fcurves.remove(curve)
+
+
+def restore_strips(thing):
+    """Gives strips their own actions again."""
+    for strip in strips_of(thing):
+        action = strip.action.get(STANDS_FOR)
+        if action:
+            _use(strip, action, strip.action_slot.handle)
+
+
+class Snapshot:
+    """The switches and strips of an object, to be put back after a moment."""
+
+    def __init__(self, thing):
+        self._switches = [(switch, switch.is_on) for switch in _switches(thing)]
+        self._strips = [(strip, strip.action) for strip in strips_of(thing)]
+
+    def put_back(self):
+        for switch, is_on in self._switches:
+            switch.set(is_on)
+        for strip, action in self._strips:
+            if strip.action != action:
+                _use(strip, action, strip.action_slot.handle)
