@@ -383,9 +383,9 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         self.aims.clear();
         let islands_of = self.speeds.iter().zip(&self.jointed);
         // The error of a light limb is many times that of its island, and opens its joints.
-        self.aims.extend(islands_of.map(|(speed, &jointed)| match jointed {
-            true => AIM * most,
-            false => (OF_SPEED * speed).max(AIM_AT_REST * most).min(most),
+        self.aims.extend(islands_of.map(|(speed, &jointed)| {
+            let largest = if jointed { AIM * most } else { most };
+            (OF_SPEED * speed).max(AIM_AT_REST * most).min(largest)
         }));
     }
 

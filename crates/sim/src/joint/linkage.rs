@@ -143,8 +143,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     }
 
     /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps of
-    /// `h` \[s\]. A lock that carries the weight of the mechanism, or the largest load of a lock if that
-    /// is more, yields by `stretch` \[m\]. Repair is at most as fast as `speed`. \[m/s\]
+    /// `h` \[s\]. A lock that carries the weight of the mechanism, or the largest force of its drives if
+    /// that is more, yields by `stretch` \[m\]. Repair is at most as fast as `speed`. \[m/s\]
     pub(crate) fn renew<G: Geometry<L, A>>(
         &mut self,
         at: &BodyPlaces<'_, G, L, A>,
@@ -152,12 +152,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         part: &mut MechanismPart<'_, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
-        let masses = &at.bodies.inverse_masses;
         self.look(at);
         self.arms.clear();
         self.values.clear();
         self.turns.clear();
-        self.params.clear();
         let mut first = 0;
         for ((record, joint), &sides) in joints.of(self).zip(part.joints).zip(&self.sides) {
             let axes = &mut part.axes[first..first + joint.count as usize];
@@ -181,40 +179,52 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 }
             }
             record.count_turns(&places, turns);
+        }
+        self.soften(&at.bodies.inverse_masses, joints, part, [h, stretch, speed]);
+        part.renew(&at.bodies.inverse_masses);
+    }
+
+    /// Sets the parameters and compliances of the rows, whose J is known.
+    fn soften(
+        &mut self,
+        masses: &[InverseMass<f32, L, A>],
+        joints: ActingJoints<'_>,
+        part: &mut MechanismPart<'_, L, A>,
+        [h, stretch, speed]: [f64; 3],
+    ) {
+        self.params.clear();
+        let mut axes = part.axes.iter();
+        for joint in part.joints {
             let own = joint.bodies.map(|body| masses[body as usize].cast());
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
-            self.params.extend(axes.iter().map(|axis| {
+            self.params.extend(axes.by_ref().take(joint.count as usize).map(|axis| {
                 let mobility = axis.mobility(&own);
                 let is_turn = axis.is_turn() && unit > 0.0;
                 let arm = if is_turn { (unit / mobility).sqrt() } else { 1.0 };
+                let repair = [REPAIR, speed / arm];
                 let strongest = STRONGEST * h * arm / self.compliance;
-                RowParams {
-                    h,
-                    mobility,
-                    arm,
-                    compliance: 0.0,
-                    repair: [REPAIR, speed / arm],
-                    strongest,
-                }
+                RowParams { h, mobility, arm, compliance: 0.0, repair, strongest }
             }));
         }
-        let give = 1.0 / self.load(joints).max(1.0 / self.compliance);
+        let give = 1.0 / self.drive_force(joints).max(1.0 / self.compliance);
         let roles = joints.of(self).flat_map(|record| &record.rows).map(|row| &row.role);
         for ((axis, params), role) in part.axes.iter_mut().zip(&mut self.params).zip(roles) {
             params.compliance = REPAIR * stretch * give / (h * h * params.arm * params.arm);
             axis.law.compliance = role.compliance(params);
         }
-        part.renew(masses);
     }
 
-    /// Returns the largest force that a lock or limit bears. \[N\]
-    fn load(&self, joints: ActingJoints<'_>) -> f64 {
+    /// Returns the largest force of a drive in the last substep. \[N\]
+    ///
+    /// Loads of locks would not do: those of a loop that its lengths cannot close grow with stiffness.
+    fn drive_force(&self, joints: ActingJoints<'_>) -> f64 {
         let rows = joints.of(self).flat_map(|record| record.rows.iter().zip(&record.states));
-        let rigid = rows.zip(&self.params).filter(|((row, _), _)| row.role.is_rigid());
+        let drives =
+            rows.zip(&self.params).filter(|((row, _), _)| matches!(row.role, Role::Drive(_)));
         let force = |((_, state), params): ((_, &RowState), &RowParams)| {
-            state.lasting().abs() / (params.h * params.arm)
+            state.solved.abs() / (params.h * params.arm)
         };
-        rigid.map(force).fold(0.0, f64::max)
+        drives.map(force).fold(0.0, f64::max)
     }
 
     /// Finds the places of the bodies.

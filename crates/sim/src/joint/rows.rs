@@ -335,11 +335,6 @@ impl Role {
         }
     }
 
-    /// Returns true if the row is a lock or limit without softness.
-    pub(crate) fn is_rigid(&self) -> bool {
-        matches!(self, Self::Lock(_, None) | Self::Limit(_, None))
-    }
-
     /// Returns true if the row is a lock without softness.
     pub(crate) fn is_rigid_lock(&self) -> bool {
         matches!(self, Self::Lock(_, None))
