@@ -21,10 +21,10 @@ use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, 
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
 use crate::ids::Slots;
-use crate::joint::coordinates::{RowCoordinate, Turn, Vec3, cross};
+use crate::joint::coordinates::{RowCoordinate, Vec3, cross};
 use crate::joint::linkage::{ActingJoints, Aim, Linkage};
 use crate::joint::places::{BodyPlaces, in_space};
-use crate::joint::record::{JointRecord, RowState, WORLD};
+use crate::joint::record::{FrameMotion, JointRecord, RowState, WORLD};
 use crate::joint::rows::Role;
 use crate::joint::{Breaking, JointState};
 use crate::ledger::JointRow;
@@ -384,30 +384,29 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         linkages.iter().any(|linkage| linkage.aims)
     }
 
-    /// Returns the largest angle by which an arm or an axis of a joint turns within `dt`
-    /// \[s\]. \[rad\]
-    pub(crate) fn largest_turn<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>, dt: f64) -> f64 {
+    /// Returns the largest angle by which an arm, an axis or the line of a joint, or the inertia of a
+    /// body that it holds, turns within `dt` \[s\]. `gravity` is the length of its acceleration.
+    /// \[rad, m/s^2\]
+    pub(crate) fn largest_turn<G: Geometry<L, A>>(
+        &self,
+        bodies: &Bodies<G, L, A>,
+        dt: f64,
+        gravity: f64,
+    ) -> f64 {
         let mut fastest = 0.0f64;
         // Those that act are known to a world that has just been restored only later in the step.
         for (_, record) in self.taken().filter(|(_, own)| own.enabled && !own.broken) {
             let holds = record.rows.iter().any(|row| row.turns_with_axis());
-            for (side, body) in record.bodies.into_iter().enumerate() {
-                if body == WORLD {
-                    continue;
-                }
-                let turn = Turn::normalized(G::rotation(&bodies.poses[body as usize]));
-                let omega = in_space(bodies.velocities[body as usize].angular);
-                let frame = &record.frames[side];
-                let arm = turn.rotate(frame.position);
-                let length = arm.length();
-                if length > 0.0 {
-                    fastest = fastest.max(cross(omega, arm).length() / length);
-                }
-                if holds {
-                    let axis = turn.of(&frame.turn).rotate(Vector([1.0, 0.0, 0.0]));
-                    fastest = fastest.max(cross(omega, axis).length());
+            let motions = [0, 1].map(|side| FrameMotion::of(record, side, bodies));
+            for (motion, &body) in motions.iter().zip(&record.bodies) {
+                fastest = fastest.max(motion.turn_of(motion.arm));
+                if holds && body != WORLD {
+                    let axis = motion.turn.rotate(Vector([1.0, 0.0, 0.0]));
+                    fastest = fastest.max(motion.turn_of(axis));
+                    fastest = fastest.max(turn_of_inertia(bodies, body as usize));
                 }
             }
+            fastest = fastest.max(record.turn_of_line(&motions, gravity * dt));
         }
         fastest * dt
     }
@@ -680,6 +679,30 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
         worst
     }
+}
+
+/// Returns the rate at which the inertia of a body turns in space, over the inertia: 0 for a solid of
+/// revolution that spins about its axis. \[rad/s\]
+fn turn_of_inertia<G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &Bodies<G, L, A>,
+    body: usize,
+) -> f64 {
+    if A != 3 {
+        return 0.0;
+    }
+    let tensor = G::frame(&bodies.poses[body]).tensor(bodies.inertia[body].inverse_moments);
+    let of = |vector: Vec3| in_space(tensor * Vector(std::array::from_fn(|i| vector[i] as f32)));
+    let omega = in_space(bodies.velocities[body].angular);
+    let (mut change, mut size) = (0.0, 0.0);
+    for axis in 0..3 {
+        let unit = Vector(std::array::from_fn(|i| f64::from(u8::from(i == axis))));
+        let column: Vec3 = of(unit);
+        // The derivative of R W R^T: omega x W - W omega x.
+        let own = cross(omega, column) - of(cross(omega, unit));
+        change += own.dot(own);
+        size += column.dot(column);
+    }
+    if size > 0.0 { (change / size).sqrt() } else { 0.0 }
 }
 
 /// Returns the members of a sorted list that another one lacks.

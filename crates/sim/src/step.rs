@@ -199,7 +199,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let most = self.settings.max_searches;
         let travel_ratio = self.plan_searches(dt);
         // Each search is for at least one substep.
-        let turn = self.solver.joints.largest_turn(&self.bodies, f64::from(dt));
+        let gravity = f64::from(self.gravity.length());
+        let turn = self.solver.joints.largest_turn(&self.bodies, f64::from(dt), gravity);
         let most_substeps = f64::from(self.settings.max_substeps);
         let of_joints = (turn / MOST_TURN).ceil().min(most_substeps) as u32;
         let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt)).max(of_joints);

@@ -67,7 +67,7 @@ pub(super) fn deform(
     }
     let all = triangles.len();
     triangles.retain(|corners| track.flat(*corners).is_none());
-    let flat = all - triangles.len();
+    let flat = all.saturating_sub(triangles.len());
     if flat > 0 {
         let what =
             format!("{flat} of {all} triangles have no area at some time, and touch nothing");

@@ -1,4 +1,4 @@
-//! What drives, brakes and limits bear: weights, each other, and more than any weight.
+//! What drives, brakes, limits and locks bear: weights, each other, short ropes and fast rotors.
 
 use drystone::geometry::{Rigid2, Rigid3};
 use drystone::{Coordinate, Drive, Joint, JointAxis, JointId, World};
@@ -239,5 +239,64 @@ fn gears_turn_in_the_plane() {
         preset.check("way of the rack", way, 0.5 * 1.42857 * 9.0);
         let turned = *world.joint(hinge).unwrap().values.last().unwrap();
         preset.check("angle of the pinion", turned, -way / 0.1);
+    }
+}
+
+/// Returns the largest gap of the joints \[m, rad\], and the rise of the energy over its size.
+fn worst(world: &mut World<Rigid3, 3, 3>, steps: usize) -> ([f64; 2], f64) {
+    let energy = |world: &World<Rigid3, 3, 3>| {
+        let now = world.measure();
+        now.kinetic_energy + now.potential_energy
+    };
+    let (start, mut most, mut gap) = (energy(world), 0.0f64, [0.0f64; 2]);
+    for _ in 0..steps {
+        let report = world.step(DT).unwrap();
+        gap = [0, 1].map(|i: usize| gap[i].max(report.joint_gap[i]));
+        most = most.max(energy(world) - start);
+    }
+    (gap, most)
+}
+
+/// Three bars of 20 cm hang on each other by ropes that are much shorter, whose lines turn fast.
+#[test]
+fn bars_hang_on_short_ropes() {
+    for preset in Preset::both() {
+        for length in [0.05, 0.02, 0.01, 0.005] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let pose = |x: f32| Rigid3::pose(Vector([x, 0.0, 0.0]), &[0.0, 0.0, 0.0, 1.0]);
+            let mut above = None;
+            for link in 0..3 {
+                let x = 0.1 + (0.2 + length) * f64::from(link);
+                let body = ghost([x, 0.0, 0.0], block(1.0, [0.1, 0.03, 0.03]));
+                let body = world.add(body).unwrap();
+                let from = if above.is_some() { 0.1 } else { -length as f32 };
+                let rope = Joint::rope([Some(body), above], length);
+                world.join(rope.in_bodies([pose(-0.1), pose(from)])).unwrap();
+                above = Some(body);
+            }
+            let ([gap, _], most) = worst(&mut world, 240);
+            preset.below(&format!("gap of ropes of {length} m"), gap, 1e-3);
+            preset.below("energy", most, 0.02);
+        }
+    }
+}
+
+/// A bar spins on a hinge through its center, which nothing but its inertia moves.
+#[test]
+fn a_rotor_stays_on_its_axle() {
+    for preset in Preset::both() {
+        for speed in [50.0, 200.0, 500.0] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let body = world.add(ghost([0.0; 3], block(2.0, [0.5, 0.1, 0.1]))).unwrap();
+            let hinge = Joint::hinge([Some(body), None]).about([0.0, 0.0, 1.0]);
+            let hinge = world.join(hinge).unwrap();
+            world.set_velocity(body, in_plane([0.0; 2], speed)).unwrap();
+            let start = world.measure().kinetic_energy;
+            let ([_, angle], most) = worst(&mut world, 120);
+            preset.below(&format!("angle at {speed} rad/s"), angle, 1e-3);
+            preset.below("energy", most / start, preset.energy);
+            let now = *world.joint(hinge).unwrap().speeds.last().unwrap();
+            preset.check("its speed", now, speed);
+        }
     }
 }
