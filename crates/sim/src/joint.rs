@@ -244,9 +244,9 @@ impl Drive {
 /// Loads at which a joint breaks; infinite ones never break it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Breaking {
-    /// Mean force over a step. \[N\]
+    /// Mean force over a step, or over 1/240 s of it. \[N\]
     pub force: f64,
-    /// Mean torque over a step. \[N m\]
+    /// Mean torque over a step, or over 1/240 s of it. \[N m\]
     pub torque: f64,
     /// Length of the impulse in a step. \[N s\]
     pub impulse: f64,

@@ -30,6 +30,10 @@ use crate::joint::{Breaking, JointState};
 use crate::ledger::JointRow;
 use crate::report::BrokenJoint;
 
+/// Longest time over which a blow counts as a mean force. What breaks does not depend on the length of
+/// steps, as far as two substeps are shorter. \[s\]
+const BLOW: f64 = 1.0 / 240.0;
+
 /// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
 const LEAST_GRAVITY: f64 = 9.81;
 
@@ -440,7 +444,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.acting.iter().any(|&slot| self.records[slot as usize].breaking != Breaking::NEVER)
     }
 
-    /// Breaks the joints that the solve of a substep loads by more than their strength in the step.
+    /// Breaks the joints that the solve of a substep loads by more than their strength in [`BLOW`], or in
+    /// two substeps.
     /// Returns true if there were any; then the substep is to be solved again.
     pub(crate) fn snap(
         &mut self,
@@ -458,7 +463,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let axes = &mut mechanisms.axes[joint.axes()];
             let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms);
             // The solve may bear up to twice the load of its substep, and relaxing takes it back.
-            let time = step.max(2.0 * *substep);
+            let time = step.min(BLOW).max(2.0 * *substep);
             if record.strain(load, time) <= 1.0 {
                 continue;
             }
