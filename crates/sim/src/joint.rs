@@ -21,6 +21,7 @@ pub(crate) mod places;
 pub(crate) mod record;
 pub(crate) mod rows;
 pub(crate) mod tension;
+pub(crate) mod turning;
 
 use crate::geometry::Geometry;
 use crate::ids::BodyId;

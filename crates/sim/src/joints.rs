@@ -21,11 +21,12 @@ use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, 
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
 use crate::ids::Slots;
-use crate::joint::coordinates::{RowCoordinate, Vec3, cross};
+use crate::joint::coordinates::{RowCoordinate, Vec3};
 use crate::joint::linkage::{ActingJoints, Aim, Linkage};
 use crate::joint::places::{BodyPlaces, in_space};
-use crate::joint::record::{FrameMotion, JointRecord, RowState, WORLD};
+use crate::joint::record::{JointRecord, RowState, WORLD};
 use crate::joint::rows::Role;
+use crate::joint::turning::{FrameMotion, turn_of_inertia, turn_of_line};
 use crate::joint::{Breaking, JointState};
 use crate::ledger::JointRow;
 use crate::report::BrokenJoint;
@@ -410,7 +411,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                     fastest = fastest.max(turn_of_inertia(bodies, body as usize));
                 }
             }
-            fastest = fastest.max(record.turn_of_line(&motions, gravity * dt));
+            fastest = fastest.max(turn_of_line(record, &motions, gravity * dt));
         }
         fastest * dt
     }
@@ -684,30 +685,6 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
         worst
     }
-}
-
-/// Returns the rate at which the inertia of a body turns in space, over the inertia: 0 for a solid of
-/// revolution that spins about its axis. \[rad/s\]
-fn turn_of_inertia<G: Geometry<L, A>, const L: usize, const A: usize>(
-    bodies: &Bodies<G, L, A>,
-    body: usize,
-) -> f64 {
-    if A != 3 {
-        return 0.0;
-    }
-    let tensor = G::frame(&bodies.poses[body]).tensor(bodies.inertia[body].inverse_moments);
-    let of = |vector: Vec3| in_space(tensor * Vector(std::array::from_fn(|i| vector[i] as f32)));
-    let omega = in_space(bodies.velocities[body].angular);
-    let (mut change, mut size) = (0.0, 0.0);
-    for axis in 0..3 {
-        let unit = Vector(std::array::from_fn(|i| f64::from(u8::from(i == axis))));
-        let column: Vec3 = of(unit);
-        // The derivative of R W R^T: omega x W - W omega x.
-        let own = cross(omega, column) - of(cross(omega, unit));
-        change += own.dot(own);
-        size += column.dot(column);
-    }
-    if size > 0.0 { (change / size).sqrt() } else { 0.0 }
 }
 
 /// Returns the members of a sorted list that another one lacks.

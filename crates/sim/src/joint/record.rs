@@ -2,12 +2,9 @@
 
 use drystone_solver::{Axis, Velocity};
 
-use super::coordinates::{JointPlaces, Place, RowCoordinate, Turn, Vec3, cross};
-use super::places::in_space;
-use super::rows::{Role, RowPlan};
+use super::coordinates::{JointPlaces, Place, RowCoordinate, Vec3, cross};
+use super::rows::RowPlan;
 use super::{Breaking, Coordinate, JointAxis};
-use crate::bodies::Bodies;
-use crate::geometry::Geometry;
 
 /// Marks the world in the place of a body.
 pub(crate) const WORLD: u32 = u32::MAX;
@@ -50,55 +47,6 @@ pub(crate) struct RowState {
     pub(crate) relaxed: f64,
     /// Impulse of the solve before the last. \[N s, or N m s\]
     pub(crate) solved_before: f64,
-}
-
-/// Part of the length of a rope from which on it is taut. \[1\]
-const TAUT: f64 = 0.9;
-
-/// The frame of a joint in one of its bodies, and its motion.
-pub(crate) struct FrameMotion {
-    /// From the center of mass to the frame. \[m\]
-    pub(crate) arm: Vec3,
-    /// Rotation of the frame.
-    pub(crate) turn: Turn,
-    position: Vec3,
-    velocity: Vec3,
-    omega: Vec3,
-}
-
-impl FrameMotion {
-    /// Returns the motion of the frame of a joint on a side.
-    pub(crate) fn of<G: Geometry<L, A>, const L: usize, const A: usize>(
-        record: &JointRecord,
-        side: usize,
-        bodies: &Bodies<G, L, A>,
-    ) -> Self {
-        let frame = &record.frames[side];
-        let body = match record.bodies[side] {
-            WORLD => {
-                let (position, turn) = (frame.position, frame.turn);
-                let [arm, velocity, omega] = [Vec3::ZERO; 3];
-                return Self { arm, turn, position, velocity, omega };
-            }
-            body => body as usize,
-        };
-        let turn = Turn::normalized(G::rotation(&bodies.poses[body]));
-        let (arm, velocity) = (turn.rotate(frame.position), &bodies.velocities[body]);
-        let omega = in_space(velocity.angular);
-        Self {
-            arm,
-            turn: turn.of(&frame.turn),
-            position: in_space(bodies.frames[body].position) + arm,
-            velocity: in_space(velocity.linear) + cross(omega, arm),
-            omega,
-        }
-    }
-
-    /// Returns the rate at which a vector of the body turns. \[rad/s\]
-    pub(crate) fn turn_of(&self, vector: Vec3) -> f64 {
-        let length = vector.length();
-        if length > 0.0 { cross(self.omega, vector).length() / length } else { 0.0 }
-    }
 }
 
 impl RowState {
@@ -156,35 +104,6 @@ impl JointRecord {
         let Breaking { force, torque, impulse } = self.breaking;
         let pull = (pull.length() / (force * dt)).max(pull.length() / impulse);
         pull.max(turn.length() / (torque * dt))
-    }
-
-    /// Returns the rate at which the line of a distance turns, with a speed across it of `more` than
-    /// that of the bodies. A rope that is slack has no line. \[rad/s, m/s\]
-    pub(crate) fn turn_of_line(&self, [a, b]: &[FrameMotion; 2], more: f64) -> f64 {
-        let rate = |plan: &RowPlan| {
-            let apart = a.position - b.position;
-            let (line, shortest) = match (plan.coordinate, plan.role) {
-                (RowCoordinate::Of(of), Role::Lock(length, None)) => (of, length),
-                (RowCoordinate::Of(of), Role::Limit([_, most], None)) => (of, most),
-                _ => return 0.0,
-            };
-            let line = match line {
-                Coordinate::Distance => apart,
-                Coordinate::Radial(axis) => {
-                    let mut along = Vec3::ZERO;
-                    along[axis] = 1.0;
-                    let along = b.turn.rotate(along);
-                    apart - along * along.dot(apart)
-                }
-                _ => return 0.0,
-            };
-            let length = line.length();
-            if length <= 0.0 || length < TAUT * shortest {
-                return 0.0;
-            }
-            (cross(line, a.velocity - b.velocity).length() / length + more) / length
-        };
-        self.rows.iter().map(rate).fold(0.0, f64::max)
     }
 
     /// Adds to its load in this step.
