@@ -105,7 +105,7 @@ impl<'a> ActingJoints<'a> {
     }
 }
 
-/// What the targets of a linkage follow: the bodies, and how far they may be missed.
+/// The bodies that the targets of a linkage follow, and how far they may miss.
 pub(crate) struct Aim<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) joints: ActingJoints<'a>,
     pub(crate) at: BodyPlaces<'a, G, L, A>,

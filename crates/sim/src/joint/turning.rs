@@ -1,4 +1,4 @@
-//! How fast frames, lines and inertias of joints turn, which sets the number of substeps.
+//! Rates at which frames, lines and inertias of joints turn. They set the number of substeps.
 
 use drystone_solver::Vector;
 

@@ -1,4 +1,4 @@
-//! What drives, brakes, limits and locks bear: weights, each other, short ropes and fast rotors.
+//! Drives, brakes, limits and locks under load: weights, each other, short ropes and fast rotors.
 
 use drystone::geometry::{Rigid2, Rigid3};
 use drystone::{Coordinate, Drive, Joint, JointAxis, JointId, World};
@@ -48,12 +48,10 @@ fn weights<G: Rigid<L, A>, const L: usize, const A: usize>(preset: &Preset) {
     let damper = Drive::spring(0.0, 0.0, 1e4);
     let sunk = lifted::<G, L, A>(preset, vec![damper], 0.0);
     preset.check("a damper sinks", sunk, -4.0 * WEIGHT / 1e4);
-    for (stiffness, damping) in [(1e4, 1e3), (1e5, 2e3), (1e6, 1e4), (1e6, 1e5), (1e7, 0.0)] {
+    for (stiffness, damping) in [(1e4, 1e3), (1e5, 2e3), (1e6, 1e4), (1e6, 1e5)] {
         let spring = Drive::spring(0.0, stiffness, damping);
-        if damping > 0.0 {
-            let sag = lifted::<G, L, A>(preset, vec![spring], 0.0);
-            preset.check(&format!("sag at {stiffness} N/m"), sag, -WEIGHT / stiffness);
-        }
+        let sag = lifted::<G, L, A>(preset, vec![spring], 0.0);
+        preset.check(&format!("sag at {stiffness} N/m"), sag, -WEIGHT / stiffness);
     }
 }
 
@@ -171,15 +169,15 @@ fn what_is_locked_to_zero_is_held() {
         let rope = JointAxis::limited(Coordinate::Distance, [0.0, 0.0]);
         let cone = JointAxis::locked(Coordinate::Cone, 0.0);
         let rotation = JointAxis::locked(Coordinate::Rotation, 0.0);
-        for (axes, moves) in [
-            (vec![distance.clone()], 0),
-            (vec![rope], 0),
-            (vec![distance.clone(), cone], 1),
-            (vec![distance, rotation], 2),
+        for (name, axes, is_pendulum) in [
+            ("a distance", vec![distance.clone()], true),
+            ("a rope", vec![rope], true),
+            ("distance and cone", vec![distance.clone(), cone], false),
+            ("distance and rotation", vec![distance, rotation], false),
         ] {
             let mut world: World<Rigid3, 3, 3> = preset.world();
             let body = world.add(ghost([0.5, 0.0, 0.0], inertia(1.0, [0.1; 3]))).unwrap();
-            let joint = world.join(Joint::general([Some(body), None], axes)).unwrap();
+            world.join(Joint::general([Some(body), None], axes)).unwrap();
             let start = world.measure();
             let start = start.kinetic_energy + start.potential_energy;
             let (mut gap, mut most) = ([0.0f64; 2], 0.0f64);
@@ -189,11 +187,11 @@ fn what_is_locked_to_zero_is_held() {
                 let now = world.measure();
                 most = most.max(now.kinetic_energy + now.potential_energy - start);
             }
-            preset.below(&format!("gap of {moves}"), gap[0], preset.gap);
-            preset.below(&format!("angle of {moves}"), gap[1], 1e-4);
+            preset.below(&format!("gap of {name}"), gap[0], preset.gap);
+            preset.below(&format!("angle of {name}"), gap[1], 1e-4);
             preset.below("energy", most, 0.01);
-            let fall = place(&world, body)[1];
-            assert_eq!(moves == 0, fall.abs() > 1e-3 || world.joint(joint).unwrap().gap > 1.0);
+            // Only a point that alone is held lets the body swing.
+            assert_eq!(is_pendulum, place(&world, body)[1].abs() > 0.1);
         }
     }
 }
