@@ -180,18 +180,19 @@ fn what_is_locked_to_zero_is_held() {
             world.join(Joint::general([Some(body), None], axes)).unwrap();
             let start = world.measure();
             let start = start.kinetic_energy + start.potential_energy;
-            let (mut gap, mut most) = ([0.0f64; 2], 0.0f64);
+            let (mut gap, mut most, mut fall) = ([0.0f64; 2], 0.0f64, 0.0f32);
             for _ in 0..180 {
                 let report = world.step(DT).unwrap();
                 gap = [0, 1].map(|i: usize| gap[i].max(report.joint_gap[i]));
                 let now = world.measure();
                 most = most.max(now.kinetic_energy + now.potential_energy - start);
+                fall = fall.max(-place(&world, body)[1]);
             }
             preset.below(&format!("gap of {name}"), gap[0], preset.gap);
             preset.below(&format!("angle of {name}"), gap[1], 1e-4);
             preset.below("energy", most, 0.01);
             // Only a point that alone is held lets the body swing.
-            assert_eq!(is_pendulum, place(&world, body)[1].abs() > 0.1);
+            assert_eq!(is_pendulum, fall > 0.45, "{name} falls by {fall} m");
         }
     }
 }
