@@ -99,7 +99,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let record = &joints.records[slot as usize];
             let places = record.places(|body| at.of(body));
             for plan in record.rows.iter().filter(|row| row.role.is_rigid_lock()) {
-                let found = places.evaluate(&plan.coordinate);
+                let found = places.evaluate(&plan.coordinate, &places.axes());
                 let mut row = [Velocity::ZERO; 2];
                 for (side, own) in found.rows.iter().enumerate() {
                     if let Some(to) = pair.bodies.iter().position(|&of| of == record.bodies[side]) {

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use drystone_solver::{System, Vector, Velocity};
+use drystone_solver::{Contact, System, Vector, Velocity};
 
 /// Normal impulses of several contact points.
 #[derive(Clone, Copy, Debug, Default)]
@@ -59,8 +59,8 @@ pub(crate) struct ImpulseRecord<const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> ImpulseRecord<L, A> {
-    /// Adds the impulses of a substep, and those of `impacts` if asked.
-    pub(crate) fn add(&mut self, system: &System<f32, L, A>, impacts: bool) {
+    /// Adds impulses of the contacts \[N s\]: those of a substep, or of the impacts in a part.
+    pub(crate) fn add(&mut self, system: &System<f32, L, A>, of: impl Fn(&Contact<f32, L>) -> f32) {
         self.manifolds.resize(system.manifolds.len(), ImpulseSum::default());
         self.contacts.resize(system.contacts.len(), 0.0);
         let before = |body: u32| self.before.get(body as usize).copied().unwrap_or_default();
@@ -68,7 +68,7 @@ impl<const L: usize, const A: usize> ImpulseRecord<L, A> {
             let normal = manifold.frame.axes[0];
             for index in manifold.points() {
                 let contact = &system.contacts[index];
-                let impulse = contact.impulse[0] + if impacts { contact.impact } else { 0.0 };
+                let impulse = of(contact);
                 if impulse <= 0.0 {
                     continue;
                 }

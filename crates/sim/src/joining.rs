@@ -4,7 +4,7 @@ use crate::body::Motion;
 use crate::geometry::Geometry;
 use crate::ids::{BodyId, JointId, put};
 use crate::input::{self, InputError, JointFault};
-use crate::joint::coordinates::{Place, Vec3, gear_axis};
+use crate::joint::coordinates::{JointOrigin, Place, Vec3, gear_axis};
 use crate::joint::places::place;
 use crate::joint::record::{JointRecord, RowState, WORLD};
 use crate::joint::rows;
@@ -27,8 +27,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let record = JointRecord {
             bodies,
             frames,
-            start: [0, 1].map(|side: usize| places[side].of(&frames[side])),
-            gear_axis: gear_axis(L),
+            origin: JointOrigin {
+                start: [0, 1].map(|side: usize| places[side].of(&frames[side])),
+                gear_axis: gear_axis(L),
+            },
             states: vec![RowState::default(); rows.len()],
             turns: vec![[0.0; 2]; joint.axes.len()],
             rows,

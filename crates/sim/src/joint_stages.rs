@@ -119,7 +119,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Restores the inertia of the bodies that [`stiffen_pulled`](Self::stiffen_pulled) changed.
-    fn unstiffen(&mut self) {
+    pub(crate) fn unstiffen(&mut self) {
         for (body, masses) in self.scratch.true_masses.drain(..) {
             self.bodies.inverse_masses[body as usize] = masses;
         }

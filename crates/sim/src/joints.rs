@@ -44,6 +44,10 @@ const MOST_MISS: f64 = 1e-5;
 /// Miss of a joint at which targets follow the path no more, in a solve to a tolerance. \[m, or rad\]
 const LEAST_MISS: f64 = 1e-8;
 
+/// Part of the rotation of an arm in a substep that a rotation which is counted counts for: 0.1 rad of
+/// an arm are 1.5 rad of it, and half a turn would be too much. \[1\]
+const COUNTED: f64 = 1.0 / 15.0;
+
 /// State of joints between two steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -53,6 +57,7 @@ pub(crate) struct SavedJoints {
     /// By joint: q and the impulses of each row, then the turns of each axis, its pulls and its load.
     pub(crate) numbers: Vec<f64>,
     last_step: f64,
+    substep: f64,
 }
 
 /// A joint that can act, and which of its bodies can move.
@@ -82,7 +87,7 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     snapped: Vec<u32>,
     /// Length of this step. \[s\]
     step: f64,
-    /// Length of the substep. \[s\]
+    /// Length of the substep, or of the last one. \[s\]
     substep: f64,
     /// Inertia that pulls add to bodies ([`tension`](crate::joint::tension)).
     pub(crate) surpluses: Vec<(u32, SymmetricMatrix<f64, A>)>,
@@ -252,13 +257,27 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         at: &BodyPlaces<'_, G, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
-        self.substep = h;
+        self.take_substep(h);
         let Self { mechanisms, records, acting, linkages, .. } = self;
         let joints = ActingJoints { records, acting };
         mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
             linkage.renew(at, joints, &mut part, [h, stretch, speed]);
         });
         linkages.iter().for_each(|linkage| linkage.pass_on(records, acting));
+    }
+
+    /// Sets the length of the substep \[s\], and scales the impulses of the last one to it: forces last.
+    fn take_substep(&mut self, h: f64) {
+        let before = std::mem::replace(&mut self.substep, h);
+        if before == h || before == 0.0 {
+            return;
+        }
+        for record in &mut self.records {
+            for RowState { solved, relaxed, solved_before, .. } in &mut record.states {
+                [solved, relaxed, solved_before].into_iter().for_each(|own| *own *= h / before);
+            }
+            record.pulls.iter_mut().for_each(|own| *own *= h / before);
+        }
     }
 
     /// Sets the impulses of the rows to those that the last solve lets expect.
@@ -390,17 +409,27 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 
     /// Returns the largest angle by which an arm, an axis or the line of a joint, or the inertia of a
-    /// body that it holds, turns within `dt` \[s\]. `gravity` is the length of its acceleration.
-    /// \[rad, m/s^2\]
+    /// body that it holds, turns within `dt` \[s\]; any angle up to `least` if none is larger. `gravity`
+    /// is the length of its acceleration. \[rad, m/s^2\]
     pub(crate) fn largest_turn<G: Geometry<L, A>>(
         &self,
         bodies: &Bodies<G, L, A>,
-        dt: f64,
+        [dt, least]: [f64; 2],
         gravity: f64,
     ) -> f64 {
+        // An inertia turns at twice the rate of its body at most.
+        let slow = 0.5 * least / dt;
+        let omega = |body: u32| match body {
+            WORLD => 0.0,
+            body => f64::from(bodies.velocities[body as usize].angular.length()),
+        };
         let mut fastest = 0.0f64;
         // Those that act are known to a world that has just been restored only later in the step.
         for (_, record) in self.taken().filter(|(_, own)| own.enabled && !own.broken) {
+            let turns = record.bodies.iter().any(|&body| omega(body) > slow);
+            if !turns && !record.has_line() {
+                continue;
+            }
             let holds = record.rows.iter().any(|row| row.turns_with_axis());
             let motions = [0, 1].map(|side| FrameMotion::of(record, side, bodies));
             for (motion, &body) in motions.iter().zip(&record.bodies) {
@@ -412,6 +441,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 }
             }
             fastest = fastest.max(turn_of_line(record, &motions, gravity * dt));
+            if record.axes.iter().any(|axis| axis.coordinate.counts_turns()) {
+                let spin = (motions[0].omega - motions[1].omega).length();
+                fastest = fastest.max(spin * COUNTED);
+            }
         }
         fastest * dt
     }
@@ -558,6 +591,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             broken: self.taken().map(|(_, record)| record.broken).collect(),
             numbers: self.taken().flat_map(rows).collect(),
             last_step: self.last_step,
+            substep: self.substep,
         }
     }
 
@@ -593,7 +627,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             record.pulls = [next(), next()];
             record.load = [0, 1].map(|_| Vector([next(), next(), next()]));
         }
-        self.last_step = from.last_step;
+        (self.last_step, self.substep) = (from.last_step, from.substep);
         self.forget();
         self.find_separated();
     }
@@ -657,10 +691,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
         };
         let velocities = [velocity(0), velocity(1)];
+        let frame = places.axes();
         let mut state = JointState { broken: record.broken, ..JointState::default() };
         for (index, axis) in record.axes.iter().enumerate() {
             let coordinate = RowCoordinate::Of(axis.coordinate);
-            let found = places.evaluate(&coordinate);
+            let found = places.evaluate(&coordinate, &frame);
             state.values.push(found.reading.turned(&record.turns[index]).0);
             let speeds = found.rows.iter().zip(&velocities).map(|(row, v)| row.dot(v));
             state.speeds.push(speeds.sum());

@@ -56,6 +56,7 @@ mod nearby;
 mod patches;
 mod queries;
 mod report;
+mod retake;
 mod rows;
 mod saved;
 mod seams;

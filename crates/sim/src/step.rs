@@ -59,16 +59,18 @@ const MOST_TURN: f64 = 0.1;
 /// A contact search and its part of the step.
 #[derive(Clone, Copy, Debug)]
 struct Search {
-    /// Length of a substep. \[s\]
+    /// Length of a substep of this part, and of the whole step. \[s\]
     h: f32,
-    /// Number of substeps of the whole step.
-    substeps: u32,
-    /// Number of substeps of this part, and number of those after it.
+    dt: f32,
+    /// Number of substeps before this part, of this part, and of those after it.
+    taken: u32,
     due: u32,
     left: u32,
     /// Number of searches before this one, and largest number of searches in the step.
     number: u32,
     most: u32,
+    /// Rate at which joints turn in a substep that has been taken back. \[rad/s\]
+    turn_rate: f64,
 }
 
 impl Search {
@@ -79,11 +81,11 @@ impl Search {
 
     /// Returns the part of the step that has passed before this part, and that after it. \[1\]
     fn passed_before(&self) -> f32 {
-        (self.substeps - self.left - self.due) as f32 / self.substeps as f32
+        1.0 - (self.left + self.due) as f32 * self.h / self.dt
     }
 
     fn passed(&self) -> f32 {
-        (self.substeps - self.left) as f32 / self.substeps as f32
+        1.0 - self.left as f32 * self.h / self.dt
     }
 
     /// Ends the part after this number of substeps; later parts take the others.
@@ -94,7 +96,7 @@ impl Search {
 
     /// Returns the distance up to which contact points are reused. \[m\]
     fn reuse(&self, settings: &StepSettings) -> f32 {
-        let several = self.due < self.substeps;
+        let several = self.taken + self.left > 0;
         let least = if several { REUSE * settings.prediction_distance } else { 0.0 };
         settings.reuse_distance.max(least)
     }
@@ -134,7 +136,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.begin_record();
         self.execution.saved = None;
         let mut search = self.first_search(dt);
-        report.substeps = search.substeps;
         loop {
             timer.lap(Stage::Pairs);
             let same = self.find_manifolds(&search);
@@ -145,6 +146,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let earlier = self.execution.saved.take();
             self.take_substeps(&mut plan, &mut timer, &mut report);
             search.end_after(plan.params.substeps);
+            search.turn_rate = plan.turn_rate;
             self.execution.keep_impacts(earlier);
             self.integrate_poses(&plan, &mut report);
             self.detach_carriers();
@@ -154,6 +156,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 break;
             }
         }
+        report.substeps = search.taken + search.due;
         self.close_held(held_energy, &mut report);
         self.end_joints(dt, &mut report);
         self.bodies.forces.clear();
@@ -199,14 +202,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let most = self.settings.max_searches;
         let travel_ratio = self.plan_searches(dt);
         // Each search is for at least one substep.
-        let gravity = f64::from(self.gravity.length());
-        let turn = self.solver.joints.largest_turn(&self.bodies, f64::from(dt), gravity);
-        let most_substeps = f64::from(self.settings.max_substeps);
-        let of_joints = (turn / MOST_TURN).ceil().min(most_substeps) as u32;
-        let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt)).max(of_joints);
+        let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt));
+        let least = dt / self.settings.max_substeps as f32;
+        let asked = asked.max(self.substeps_of_joints(0.0, [dt, least]));
         let substeps = asked.max(travel_ratio.ceil().min(most as f32) as u32);
         let h = dt / substeps as f32;
-        let mut search = Search { h, substeps, due: substeps, left: substeps, number: 0, most };
+        let mut search = Search {
+            h,
+            dt,
+            taken: 0,
+            due: substeps,
+            left: substeps,
+            number: 0,
+            most,
+            turn_rate: 0.0,
+        };
         self.fit(&mut search, travel_ratio);
         search
     }
@@ -220,10 +230,27 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.pair_again();
         }
         search.number += 1;
-        search.due = search.due.min(search.left);
+        search.taken += search.due;
+        let rest = search.left as f32 * search.h;
+        let least = search.dt / self.settings.max_substeps as f32;
+        let asked = self.substeps_of_joints(search.turn_rate, [rest, least]);
+        if asked > search.left {
+            (search.left, search.h) = (asked, rest / asked as f32);
+        }
+        search.due = search.due.clamp(1, search.left);
         let travel_ratio = self.plan_searches(search.duration());
         self.fit(search, travel_ratio);
         true
+    }
+
+    /// Returns the number of substeps that joints require in the next `dt` \[s\], none shorter than
+    /// `least` \[s\], if they turn at `rate` or as they do now. \[rad/s\]
+    fn substeps_of_joints(&self, rate: f64, [dt, least]: [f32; 2]) -> u32 {
+        let (joints, time) = (&self.solver.joints, f64::from(dt));
+        let gravity = f64::from(self.gravity.length());
+        let turn = joints.largest_turn(&self.bodies, [time, MOST_TURN], gravity);
+        let most = f64::from((dt / least).max(1.0));
+        (turn.max(rate * time) / MOST_TURN).ceil().min(most) as u32
     }
 
     /// Sets the number of substeps of a search to that which the motion of the bodies allows.
@@ -472,7 +499,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Returns the plan for the substeps of a part.
     fn plan(&self, search: &Search) -> PartPlan<L> {
-        let Search { h, due: substeps, left, number, most, .. } = *search;
+        let Search { h, dt, due: substeps, left, number, most, .. } = *search;
         let settings = &self.settings;
         let solving = settings.tolerance > 0.0;
         let certified_substep = (left == 0 && settings.certify).then_some(substeps - 1);
@@ -507,6 +534,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 || self.execution.recording
                 || !self.solver.joints.is_idle(),
             may_end: number + 1 < most,
+            may_shorten: number + 1 < most
+                && h > 1.01 * dt / settings.max_substeps as f32
+                && !self.solver.joints.is_idle(),
+            turn_rate: 0.0,
         }
     }
 

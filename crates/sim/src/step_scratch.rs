@@ -29,11 +29,21 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     /// M^-1 of bodies that the solve of a substep sees with another inertia.
     pub(crate) true_masses: Vec<(u32, InverseMass<f32, L, A>)>,
+    pub(crate) start: SubstepStart<L, A>,
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of the last step, if they are recorded.
     pub(crate) impulses: ImpulseRecord<L, A>,
+}
+
+/// What a substep has changed before its bodies move, as it was before.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SubstepStart<const L: usize, const A: usize> {
+    pub(crate) velocities: Vec<Velocity<f32, L, A>>,
+    pub(crate) prospective: Vec<Velocity<f32, L, A>>,
+    pub(crate) displacements: Vec<Velocity<f32, L, A>>,
+    pub(crate) contact_gains: Vec<Velocity<f32, L, A>>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<G, L, A> {
@@ -50,6 +60,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             displacements: Vec::new(),
             force_gains: Vec::new(),
             true_masses: Vec::new(),
+            start: SubstepStart::default(),
             touched: Vec::new(),
             ledger: LedgerBuilder::default(),
             impulses: ImpulseRecord::default(),

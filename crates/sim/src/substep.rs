@@ -7,6 +7,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use drystone_solver::Contact;
 use drystone_solver::ladder::SolveReport;
 use drystone_solver::lanes::{Landing, LaneBatch, MovedBodies};
 use drystone_solver::restitution::{self, ImpactSettings};
@@ -41,6 +42,11 @@ pub(crate) struct PartPlan<const L: usize> {
     /// True if the part ends after a substep in which joints break: bodies that these kept from
     /// colliding need contacts.
     pub(crate) may_end: bool,
+    /// True if a substep in which joints turn too far ends the part before it: those after it may be
+    /// shorter.
+    pub(crate) may_shorten: bool,
+    /// Rate at which joints turn in a substep that has been taken back. \[rad/s\]
+    pub(crate) turn_rate: f64,
 }
 
 /// Number of substeps after which M^-1 J^T gamma is recomputed from the contacts
@@ -205,6 +211,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 substep += 1;
             }
             self.context().store_impulses(&plan.params);
+            if self.execution.recording {
+                self.record(|contact| contact.impact);
+            }
             self.record_pairs();
             timer.lap(Stage::Remember);
         } else {
@@ -237,19 +246,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         timer: &mut StageTimer,
         report: &mut StepReport,
     ) {
-        self.accelerate(plan, *renewed, timer, report);
-        let turning = self.context().warm_start(substep, *renewed, &plan.params);
-        timer.lap(Stage::WarmStart);
-        self.warm_start_joints(plan.params.h);
-        timer.lap(Stage::Joints);
-        self.set_targets(plan, substep, turning);
-        timer.lap(Stage::WarmStart);
-        let with_residuals = plan.certified_substep == Some(substep);
-        let whole = self.solver.joints.snapped();
-        self.solve(plan, (substep, turning), with_residuals, timer, report);
-        if plan.may_end && self.solver.joints.snapped() > whole {
-            plan.params.substeps = substep + 1;
+        if !self.begin_substep(plan, substep, *renewed, timer, report) {
+            return;
         }
+        let with_residuals = plan.certified_substep == Some(substep);
         let params = &plan.params;
         if with_residuals {
             if !self.find_joint_jams(report) {
@@ -283,9 +283,47 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             });
         }
         if self.execution.recording {
-            self.record(substep + 1 == params.substeps);
+            self.record(|contact| contact.impulse[0]);
         }
         timer.lap(Stage::Relax);
+    }
+
+    /// Begins a substep: forces, impacts and the solve. Returns false if it has been taken back
+    /// (`retake.rs`).
+    fn begin_substep(
+        &mut self,
+        plan: &mut PartPlan<L>,
+        substep: u32,
+        renewed: bool,
+        timer: &mut StageTimer,
+        report: &mut StepReport,
+    ) -> bool {
+        if plan.may_shorten {
+            self.keep_start();
+        }
+        let (collisions, broken) = (report.collisions, self.solver.joints.snapped());
+        self.accelerate(plan, renewed, timer, report);
+        let turning = self.context().warm_start(substep, renewed, &plan.params);
+        timer.lap(Stage::WarmStart);
+        self.warm_start_joints(plan.params.h);
+        timer.lap(Stage::Joints);
+        self.set_targets(plan, substep, turning);
+        timer.lap(Stage::WarmStart);
+        let with_residuals = plan.certified_substep == Some(substep);
+        self.solve(plan, (substep, turning), with_residuals, timer, report);
+        // What has bounced or broken is not undone.
+        if self.solver.joints.snapped() > broken {
+            if plan.may_end {
+                plan.params.substeps = substep + 1;
+            }
+        } else if plan.may_shorten
+            && report.collisions == collisions
+            && let Some(rate) = self.take_back(plan.params.h)
+        {
+            (plan.turn_rate, plan.params.substeps) = (rate, substep);
+            return false;
+        }
+        true
     }
 
     /// Solves contacts and joints, by sweeps or to the tolerance. `turning` is true if any body
@@ -498,11 +536,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         count
     }
 
-    /// Adds the normal impulses of a substep to those of the part; after the `last` one the
-    /// impacts, too.
-    fn record(&mut self, last: bool) {
+    /// Adds impulses of the contacts to those of the part: of a substep, or of the impacts. \[N s\]
+    fn record(&mut self, of: impl Fn(&Contact<f32, L>) -> f32) {
         self.unpack();
-        self.scratch.impulses.add(&self.solver.system, last);
+        self.scratch.impulses.add(&self.solver.system, of);
     }
 
     /// Adds the recorded impulses of a part to those of the pairs.

@@ -186,6 +186,7 @@ impl<T: Real, const L: usize, const A: usize> InverseMass<T, L, A> {
 
 impl<T: Scalar, const L: usize, const A: usize> InverseMass<T, L, A> {
     /// Converts to another number type.
+    #[inline(always)]
     pub fn cast<U: Real>(&self) -> InverseMass<U, L, A> {
         InverseMass { linear: U::from_f64(self.linear.to_f64()), angular: self.angular.cast() }
     }

@@ -4,7 +4,9 @@
 //! much as its length, and a wall not much more. Only indices decide the order: equal input gives
 //! equal bits.
 
-/// A symmetric block matrix; after [`factor`](Self::factor) its L L^T.
+use crate::registers::with_best_registers;
+
+/// A symmetric block matrix A; after [`factor`](Self::factor) its U of A = U^T U.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct BlockMatrix {
     /// Rows of a block.
@@ -18,7 +20,8 @@ pub(crate) struct BlockMatrix {
     starts: Vec<usize>,
     /// Row of each block, in elimination order.
     rows: Vec<u32>,
-    /// The blocks, stored by rows.
+    /// The blocks, stored by rows: of each pair the one above the diagonal, so that all loops go along
+    /// rows.
     values: Vec<f64>,
     scatter: Vec<u32>,
     /// Blocks of a column while it is eliminated, and a right-hand side in elimination order.
@@ -84,7 +87,8 @@ impl BlockMatrix {
         self.place[row as usize] as usize
     }
 
-    /// Returns the index of the block at two places, `row` after `column`.
+    /// Returns the index of the block that couples two places, `row` after `column`. Its rows are those
+    /// of the earlier place, its columns those of the later.
     pub(crate) fn block_between(&self, row: usize, column: usize) -> Option<usize> {
         let range = self.starts[column]..self.starts[column + 1];
         let found = self.rows[range.clone()].binary_search(&(row as u32)).ok()?;
@@ -113,7 +117,7 @@ impl BlockMatrix {
     /// `b`, `a`. If `a` = `b` there is one block, and it is added once.
     pub(crate) fn add(&mut self, a: u32, b: u32, entry: impl Fn(usize, usize) -> f64) {
         let (p, q) = (self.place[a as usize], self.place[b as usize]);
-        let (row, column, flipped) = if p >= q { (p, q, false) } else { (q, p, true) };
+        let (row, column, flipped) = if p >= q { (p, q, true) } else { (q, p, false) };
         let Some(index) = self.block_between(row as usize, column as usize) else { return };
         let n = self.size;
         let block = &mut self.values[index * n * n..][..n * n];
@@ -124,17 +128,21 @@ impl BlockMatrix {
         }
     }
 
-    /// Factors the matrix into L L^T in place. Returns false if it is not positive definite.
+    /// Factors the matrix into U^T U in place. Returns false if it is not positive definite.
     pub(crate) fn factor(&mut self) -> bool {
-        match self.size {
-            2 => self.factor_blocks::<2>(),
-            3 => self.factor_blocks::<3>(),
-            6 => self.factor_blocks::<6>(),
-            _ => false,
-        }
+        with_best_registers(
+            #[inline(always)]
+            || match self.size {
+                2 => self.factor_blocks::<2>(),
+                3 => self.factor_blocks::<3>(),
+                6 => self.factor_blocks::<6>(),
+                _ => false,
+            },
+        )
     }
 
-    fn factor_blocks<const N: usize>(&mut self) -> bool {
+    #[inline(always)]
+    pub(crate) fn factor_blocks<const N: usize>(&mut self) -> bool {
         let (values, _) = self.values.as_chunks_mut::<N>();
         let (blocks, _) = values.as_chunks_mut::<N>();
         for column in 0..self.order.len() {
@@ -144,39 +152,41 @@ impl BlockMatrix {
             }
             let diagonal = blocks[first];
             for block in &mut blocks[first + 1..end] {
-                solve_right(block, &diagonal);
+                solve_left(&diagonal, block);
             }
             self.column.clear();
             self.column.extend(blocks[first + 1..end].as_flattened().as_flattened());
             let (rows, _) = self.column.as_chunks::<N>();
             let (column_blocks, _) = rows.as_chunks::<N>();
-            for (k, below) in column_blocks.iter().enumerate() {
+            for (k, left) in column_blocks.iter().enumerate() {
                 let target = self.rows[first + 1 + k] as usize;
                 let range = self.starts[target]..self.starts[target + 1];
                 for (at, &row) in range.clone().zip(&self.rows[range]) {
                     self.scatter[row as usize] = at as u32;
                 }
-                // Entries of a row of the product are then side by side, and computed together.
-                let below = transposed(below);
-                for (i, left) in column_blocks.iter().enumerate().skip(k) {
+                for (i, right) in column_blocks.iter().enumerate().skip(k) {
                     let at = self.scatter[self.rows[first + 1 + i] as usize] as usize;
-                    subtract_product(&mut blocks[at], left, &below);
+                    subtract_product(&mut blocks[at], left, right);
                 }
             }
         }
         true
     }
 
-    /// Solves L L^T x = b in place. `x` holds b, in the order of the caller's rows.
+    /// Solves A x = b in place. `x` holds b, in the order of the caller's rows.
     pub(crate) fn solve(&mut self, x: &mut [f64]) {
-        match self.size {
-            2 => self.solve_blocks::<2>(x),
-            3 => self.solve_blocks::<3>(x),
-            6 => self.solve_blocks::<6>(x),
-            _ => {}
-        }
+        with_best_registers(
+            #[inline(always)]
+            || match self.size {
+                2 => self.solve_blocks::<2>(x),
+                3 => self.solve_blocks::<3>(x),
+                6 => self.solve_blocks::<6>(x),
+                _ => {}
+            },
+        );
     }
 
+    #[inline(always)]
     fn solve_blocks<const N: usize>(&mut self, x: &mut [f64]) {
         let mut ordered = std::mem::take(&mut self.ordered);
         ordered.clear();
@@ -193,7 +203,8 @@ impl BlockMatrix {
         self.ordered = ordered;
     }
 
-    /// Solves L L^T y = b in place. `y` holds b, in the order of elimination.
+    /// Solves A y = b in place. `y` holds b, in the order of elimination.
+    #[inline(always)]
     pub(crate) fn solve_in_order<const N: usize>(&self, y: &mut [[f64; N]]) {
         let (values, _) = self.values.as_chunks::<N>();
         let (blocks, _) = values.as_chunks::<N>();
@@ -201,38 +212,39 @@ impl BlockMatrix {
             let (first, end) = (self.starts[column], self.starts[column + 1]);
             let (diagonal, mut own) = (&blocks[first], y[column]);
             for i in 0..N {
-                for j in 0..i {
-                    own[i] -= diagonal[i][j] * own[j];
+                own[i] *= diagonal[i][i];
+                for j in i + 1..N {
+                    own[j] -= diagonal[i][j] * own[i];
                 }
-                own[i] /= diagonal[i][i];
             }
             y[column] = own;
             for (block, &row) in blocks[first + 1..end].iter().zip(&self.rows[first + 1..end]) {
-                let below = &mut y[row as usize];
+                let mut later = y[row as usize];
                 for i in 0..N {
                     for j in 0..N {
-                        below[i] -= block[i][j] * own[j];
+                        later[j] -= block[i][j] * own[i];
                     }
                 }
+                y[row as usize] = later;
             }
         }
         for column in (0..self.order.len()).rev() {
             let (first, end) = (self.starts[column], self.starts[column + 1]);
             let mut own = y[column];
             for (block, &row) in blocks[first + 1..end].iter().zip(&self.rows[first + 1..end]) {
-                let below = &y[row as usize];
+                let later = &y[row as usize];
                 for i in 0..N {
                     for j in 0..N {
-                        own[j] -= block[i][j] * below[i];
+                        own[i] -= block[i][j] * later[j];
                     }
                 }
             }
             let diagonal = &blocks[first];
             for i in (0..N).rev() {
                 for j in i + 1..N {
-                    own[i] -= diagonal[j][i] * own[j];
+                    own[i] -= diagonal[i][j] * own[j];
                 }
-                own[i] /= diagonal[i][i];
+                own[i] *= diagonal[i][i];
             }
             y[column] = own;
         }
@@ -282,57 +294,52 @@ fn merge(a: &[u32], b: &[u32], keep: impl Fn(u32) -> bool, out: &mut Vec<u32>) {
     }
 }
 
-/// Factors a block into L L^T, with L in its lower triangle. Returns false if it is not positive
-/// definite.
+/// Factors a block into U^T U, with U in its upper triangle and the inverses of U's diagonal on its own. The
+/// lower triangle is left as it is. Returns false if the block is not positive definite.
+#[inline(always)]
 fn factor_block<const N: usize>(a: &mut [[f64; N]; N]) -> bool {
     for j in 0..N {
-        let mut pivot = a[j][j];
-        for k in 0..j {
-            pivot -= a[j][k] * a[j][k];
-        }
+        let pivot = a[j][j];
         if pivot <= 0.0 || pivot.is_nan() {
             return false;
         }
-        a[j][j] = pivot.sqrt();
+        let inverse = 1.0 / pivot.sqrt();
+        let row = a[j].map(|entry| entry * inverse);
         for i in j + 1..N {
-            let mut sum = a[i][j];
-            for k in 0..j {
-                sum -= a[i][k] * a[j][k];
+            for k in 0..N {
+                a[i][k] -= row[i] * row[k];
             }
-            a[i][j] = sum / a[j][j];
-            a[j][i] = 0.0;
         }
+        a[j] = row;
+        a[j][j] = inverse;
     }
     true
 }
 
-/// a <- a L^-T.
-fn solve_right<const N: usize>(a: &mut [[f64; N]; N], l: &[[f64; N]; N]) {
-    for row in a {
-        for j in 0..N {
-            for k in 0..j {
-                row[j] -= row[k] * l[j][k];
+/// a <- U^-T a.
+#[inline(always)]
+fn solve_left<const N: usize>(u: &[[f64; N]; N], a: &mut [[f64; N]; N]) {
+    for i in 0..N {
+        let row = a[i].map(|entry| entry * u[i][i]);
+        a[i] = row;
+        for k in i + 1..N {
+            for j in 0..N {
+                a[k][j] -= u[i][k] * row[j];
             }
-            row[j] /= l[j][j];
         }
     }
 }
 
-fn transposed<const N: usize>(a: &[[f64; N]; N]) -> [[f64; N]; N] {
-    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
-}
-
-/// c <- c - a b.
+/// c <- c - a^T b.
+#[inline(always)]
 fn subtract_product<const N: usize>(c: &mut [[f64; N]; N], a: &[[f64; N]; N], b: &[[f64; N]; N]) {
-    for (c, a) in c.iter_mut().zip(a) {
-        let mut sum = [0.0; N];
+    for (i, c) in c.iter_mut().enumerate() {
+        let mut sum = *c;
         for (a, b) in a.iter().zip(b) {
             for j in 0..N {
-                sum[j] += a * b[j];
+                sum[j] -= a[i] * b[j];
             }
         }
-        for j in 0..N {
-            c[j] -= sum[j];
-        }
+        *c = sum;
     }
 }

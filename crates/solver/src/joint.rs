@@ -111,7 +111,12 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
     /// Sets the effective mass. A row along which nothing can move gets none, and takes no part.
     #[inline(always)]
     pub fn prepare(&mut self, masses: &[InverseMass<T, L, A>; 2]) {
-        let a_ii = self.mobility(masses);
+        self.prepare_for(self.mobility(masses));
+    }
+
+    /// Sets the effective mass for this A_ii.
+    #[inline(always)]
+    pub fn prepare_for(&mut self, a_ii: T) {
         self.effective_mass = a_ii.choose(T::ONE / (a_ii + self.law.compliance), T::ZERO);
     }
 

@@ -7,7 +7,7 @@
 //! its numbers in the registers of these instructions.
 //!
 //! Unsafe code of this crate is confined to the modules `number`, `avx2`, `view`, `block` and `sweep`
-//! here, and to [`thread_pool`](crate::thread_pool).
+//! here, to `registers`, and to [`thread_pool`](crate::thread_pool).
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

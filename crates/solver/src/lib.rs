@@ -57,6 +57,7 @@ mod primal;
 pub mod proximal;
 pub mod psor;
 mod real;
+mod registers;
 pub mod restitution;
 pub mod solution;
 mod surface;

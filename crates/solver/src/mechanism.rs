@@ -25,6 +25,7 @@ use crate::cholesky::BlockMatrix;
 use crate::island::Islands;
 use crate::law::{Interval, Law, SmoothLaw};
 use crate::primal::{self, Projection};
+use crate::registers::with_best_registers;
 use crate::thread_pool::ThreadPool;
 use crate::{Axis, InverseMass, Joint, Vector, Velocity};
 
@@ -82,6 +83,8 @@ struct Mechanism<const L: usize, const A: usize> {
     /// -gradient, then the step -H^-1 gradient, by place.
     step: Vec<f64>,
     hessian: BlockMatrix,
+    /// J_a and J_b of the loaded rows of a joint, and 1 / epsilon.
+    loaded: Vec<f64>,
     /// For each row: whether its impulse changes with the velocity in the factor of H.
     factored: Vec<bool>,
     has_factor: bool,
@@ -94,8 +97,8 @@ struct Link {
     sides: [usize; 2],
     /// Their places.
     places: [usize; 2],
-    /// Block of H that couples them, with the side of its rows; none if they are one body or if one
-    /// is fixed.
+    /// Block of H that couples them, with the side of its rows, which is eliminated first; none if they
+    /// are one body or if one is fixed.
     block: Option<(usize, usize)>,
 }
 
@@ -317,6 +320,11 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
             let own = &joint.bodies.map(|body| masses[body as usize].cast());
             axes.by_ref().take(joint.count as usize).for_each(|axis| axis.prepare(own));
         }
+        self.renew_prepared(masses);
+    }
+
+    /// As [`renew`](Self::renew), where the rows have their effective masses.
+    pub fn renew_prepared(&mut self, masses: &[InverseMass<f32, L, A>]) {
         self.mechanism.renew(self.axes, masses);
     }
 
@@ -333,11 +341,14 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
     /// Visits the mechanism, from the velocities that it has.
     pub fn solve(&mut self) {
         let Self { joints, axes, mechanism } = self;
-        match L + A {
-            2 => mechanism.solve::<2>(joints, axes),
-            3 => mechanism.solve::<3>(joints, axes),
-            _ => mechanism.solve::<6>(joints, axes),
-        }
+        with_best_registers(
+            #[inline(always)]
+            || match L + A {
+                2 => mechanism.solve::<2>(joints, axes),
+                3 => mechanism.solve::<3>(joints, axes),
+                _ => mechanism.solve::<6>(joints, axes),
+            },
+        );
     }
 }
 
@@ -379,7 +390,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
             let [a, b] = places;
             let is_pair = a != b && a != FIXED && b != FIXED;
             let block = is_pair.then(|| hessian.block_between(a.max(b), a.min(b)));
-            let rows_of = usize::from(b > a);
+            let rows_of = usize::from(b < a);
             Link { sides, places, block: block.flatten().map(|block| (block, rows_of)) }
         });
         let links = links.collect();
@@ -396,8 +407,9 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
             let mass = inverse.mass();
             let free = primal::projection(&mass, &inverse);
             for i in 0..L + A {
-                let entry = |j| primal::mass_entry(&mass, free.as_ref(), i, j);
-                self.masses.extend((0..L + A).map(entry));
+                for j in 0..L + A {
+                    self.masses.push(primal::mass_entry(&mass, free.as_ref(), i, j));
+                }
             }
             self.free.push(free);
         }
@@ -430,6 +442,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
     }
 
     /// Brings the rows to their targets. N = L + A.
+    #[inline(always)]
     fn solve<const N: usize>(&mut self, joints: &[Joint], axes: &mut [Axis<f64, L, A>]) {
         self.load::<N>(joints, axes);
         for step in 0..MOST_STEPS {
@@ -451,6 +464,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
     }
 
     /// Takes the laws and impulses of the rows. Drops the factor if a compliance has changed.
+    #[inline(always)]
     fn load<const N: usize>(&mut self, joints: &[Joint], axes: &[Axis<f64, L, A>]) {
         self.start.clone_from(&self.velocities);
         let (own, _) = self.velocities.as_chunks::<N>();
@@ -469,8 +483,9 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
 
     /// Sums and factors H. Returns false if it is not positive definite, which happens only with
     /// numbers that are not finite.
+    #[inline(always)]
     fn factor<const N: usize>(&mut self, joints: &[Joint]) -> bool {
-        let Self { hessian, masses, free, places, rows, links, jacobians, .. } = self;
+        let Self { hessian, masses, free, places, rows, links, jacobians, loaded, .. } = self;
         let (jacobians, _) = jacobians.as_chunks::<N>();
         let (masses, _) = masses.as_chunks::<N>();
         hessian.clear();
@@ -479,23 +494,21 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
                 hessian.diagonal::<N>(place).copy_from_slice(mass);
             }
         }
-        let mut first = 0;
+        let mut rows_left = rows.iter().zip(jacobians.chunks_exact(2));
         for (joint, link) in joints.iter().zip(&*links) {
-            let range = first..first + joint.count as usize;
-            first = range.end;
-            let mut blocks = [[[0.0; N]; N]; 3];
             let [p, q] = link.block.map_or([0, 1], |(_, rows)| [rows, 1 - rows]);
-            for (row, jacobian) in
-                rows[range.clone()].iter().zip(jacobians[2 * range.start..].chunks_exact(2))
-            {
-                if row.is_loaded() {
-                    let of = |side: usize| match &free[link.sides[side]] {
-                        None => jacobian[side],
-                        Some(free) => projected(free, &jacobian[side]),
-                    };
-                    add_products(&mut blocks, [&of(p), &of(q)], 1.0 / row.law.compliance);
+            loaded.clear();
+            let of_joint = rows_left.by_ref().take(joint.count as usize);
+            for (row, jacobian) in of_joint.filter(|(row, _)| row.is_loaded()) {
+                for side in [p, q] {
+                    match &free[link.sides[side]] {
+                        None => loaded.extend(jacobian[side]),
+                        Some(free) => loaded.extend(projected(free, &jacobian[side])),
+                    }
                 }
+                loaded.push(1.0 / row.law.compliance);
             }
+            let blocks = products::<N>(loaded);
             for (side, block) in [(p, &blocks[0]), (q, &blocks[2])] {
                 if link.places[side] != FIXED {
                     add(hessian.diagonal::<N>(link.places[side]), block);
@@ -507,11 +520,12 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
         }
         self.factored.clear();
         self.factored.extend(rows.iter().map(Row::is_loaded));
-        self.has_factor = hessian.factor();
+        self.has_factor = hessian.factor_blocks::<N>();
         self.has_factor
     }
 
     /// Finds the step -H^-1 gradient, with `is_start` at v_0.
+    #[inline(always)]
     fn find_step<const N: usize>(&mut self, joints: &[Joint], is_start: bool) {
         let Self { step, places, masses, free, links, rows, jacobians, hessian, .. } = self;
         step.clear();
@@ -552,6 +566,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
 
     /// Moves the velocities along the step, as far as P falls. Returns true if all responses are
     /// linear along the step: then P is a parabola, and the step ends at its minimum.
+    #[inline(always)]
     fn descend<const N: usize>(&mut self, joints: &[Joint]) -> bool {
         let Self { step, links, rows, jacobians, .. } = self;
         let (step, _) = step.as_chunks::<N>();
@@ -581,6 +596,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
     }
 
     /// Returns the length of the step at which P stops falling.
+    #[inline(always)]
     fn search<const N: usize>(&self) -> f64 {
         let (step, _) = self.step.as_chunks::<N>();
         let (masses, _) = self.masses.as_chunks::<N>();
@@ -634,21 +650,27 @@ fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
     sum
 }
 
-/// Adds p^T s p, p^T s q and q^T s q to the blocks, where s is a stiffness.
+/// Returns the sums of p^T s p, p^T s q and q^T s q over rows p, q and stiffnesses s, which follow each
+/// other.
 #[inline(always)]
-fn add_products<const N: usize>(
-    blocks: &mut [[[f64; N]; N]; 3],
-    [p, q]: [&[f64; N]; 2],
-    stiffness: f64,
-) {
+fn products<const N: usize>(rows: &[f64]) -> [[[f64; N]; N]; 3] {
+    let mut blocks = [[[0.0; N]; N]; 3];
+    let [of_p, across, of_q] = &mut blocks;
     for i in 0..N {
-        let (from_p, from_q) = (p[i] * stiffness, q[i] * stiffness);
-        for j in 0..N {
-            blocks[0][i][j] += from_p * p[j];
-            blocks[1][i][j] += from_p * q[j];
-            blocks[2][i][j] += from_q * q[j];
+        let mut sums = [[0.0; N]; 3];
+        for row in rows.chunks_exact(2 * N + 1) {
+            let (pq, _) = row.as_chunks::<N>();
+            let (p, q, stiffness) = (&pq[0], &pq[1], row[2 * N]);
+            let (from_p, from_q) = (p[i] * stiffness, q[i] * stiffness);
+            for j in 0..N {
+                sums[0][j] += from_p * p[j];
+                sums[1][j] += from_p * q[j];
+                sums[2][j] += from_q * q[j];
+            }
         }
+        [of_p[i], across[i], of_q[i]] = sums;
     }
+    blocks
 }
 
 #[inline(always)]

@@ -411,6 +411,16 @@ pub(crate) fn projection<const L: usize, const A: usize>(
     mass: &Mass<L, A>,
     inverse: &InverseMass<f64, L, A>,
 ) -> Option<Projection> {
+    // The trace of M^-1 M is the number of free velocities.
+    let mut turns = 0.0;
+    for i in 0..A {
+        for j in 0..A {
+            turns += inverse.angular.entry(i, j) * mass.angular.entry(j, i);
+        }
+    }
+    if mass.linear > 0.0 && turns > A as f64 - 0.5 {
+        return None;
+    }
     let mut free = [[0.0; MOST]; MOST];
     for (i, row) in free.iter_mut().enumerate().take(L) {
         row[i] = if mass.linear > 0.0 { 1.0 } else { 0.0 };
@@ -423,9 +433,7 @@ pub(crate) fn projection<const L: usize, const A: usize>(
             free[L + j][L + i] = own[j];
         }
     }
-    // The trace is the number of free velocities.
-    let trace: f64 = (0..L + A).map(|i| free[i][i]).sum();
-    (trace < (L + A) as f64 - 0.5).then_some(free)
+    Some(free)
 }
 
 /// Returns the product of rows with a projection.

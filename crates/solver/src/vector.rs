@@ -211,8 +211,13 @@ impl<T: Real, const N: usize> SymmetricMatrix<T, N> {
 
 impl<T: Scalar, const N: usize> SymmetricMatrix<T, N> {
     /// Converts to another number type.
+    #[inline(always)]
     pub fn cast<U: Real>(&self) -> SymmetricMatrix<U, N> {
-        SymmetricMatrix(self.0.map(|row| row.cast()))
+        let mut out = SymmetricMatrix::ZERO;
+        for i in 0..N {
+            out.0[i] = self.0[i].cast();
+        }
+        out
     }
 }
 

@@ -54,6 +54,7 @@ impl Turn {
     }
 
     /// Returns the rotation by `other`, then by this one.
+    #[inline(always)]
     pub(crate) fn of(&self, other: &Self) -> Self {
         let (p, q) = (self.axis(), other.axis());
         let (v, w) = (self.0[3], other.0[3]);
@@ -67,6 +68,7 @@ impl Turn {
     }
 
     /// Rotates a vector.
+    #[inline(always)]
     pub(crate) fn rotate(&self, vector: Vec3) -> Vec3 {
         let axis = self.axis();
         let twice = cross(axis, vector) * 2.0;
@@ -99,6 +101,7 @@ impl Place {
     pub(crate) const ORIGIN: Self = Self { position: Vector([0.0; 3]), turn: Turn::NONE };
 
     /// Returns the world frame of `local`, which is given in this one.
+    #[inline(always)]
     pub(crate) fn of(&self, local: &Self) -> Self {
         Self {
             position: self.position + self.turn.rotate(local.position),
@@ -107,6 +110,7 @@ impl Place {
     }
 
     /// Returns a world frame in the coordinates of this one.
+    #[inline(always)]
     pub(crate) fn local(&self, world: &Self) -> Self {
         let back = self.turn.inverse();
         Self { position: back.rotate(world.position - self.position), turn: back.of(&world.turn) }
@@ -157,17 +161,23 @@ impl RowCoordinate {
     }
 }
 
+/// What stays of the frames of a joint while it moves.
+#[derive(Clone, Debug)]
+pub(crate) struct JointOrigin {
+    /// Frames a and b in the world when the bodies were joined.
+    pub(crate) start: [Place; 2],
+    /// Axis of the frames about which gears and pinions turn: x, or z in the plane.
+    pub(crate) gear_axis: Vec3,
+}
+
 /// The frames of a joint in the world, and the centers of mass of its bodies.
 #[derive(Clone, Debug)]
-pub(crate) struct JointPlaces {
+pub(crate) struct JointPlaces<'a> {
     /// Frames a and b.
     pub(crate) frames: [Place; 2],
-    /// Frames a and b when the bodies were joined.
-    pub(crate) start: [Place; 2],
     /// Centers of mass of a and b. \[m\]
     pub(crate) centers: [Vec3; 2],
-    /// Axis of the frames about which gears and pinions turn.
-    gear_axis: Vec3,
+    origin: &'a JointOrigin,
     /// Frame a in frame b.
     relative: Place,
     /// Its rotation vector, and that of its swing, once a row has asked for them. \[rad\]
@@ -194,7 +204,11 @@ pub(crate) struct Evaluated {
 
 impl Reading {
     /// Returns q with the turns that take its angles next to those before, and these angles.
+    #[inline(always)]
     pub(crate) fn turned(&self, before: &[f64; 2]) -> (f64, [f64; 2]) {
+        if self.angles == [[0.0; 2]; 2] {
+            return (self.value, [0.0; 2]);
+        }
         let mut value = self.value;
         let angles = [0, 1].map(|i: usize| {
             let [angle, share] = self.angles[i];
@@ -244,20 +258,22 @@ fn polar(vector: Vec3, otherwise: Vec3) -> (f64, Vec3) {
     if length > SINGULAR { (length, vector * (1.0 / length)) } else { (length, otherwise) }
 }
 
-impl JointPlaces {
-    pub(crate) fn new(frames: [Place; 2], start: [Place; 2], centers: [Vec3; 2]) -> Self {
+impl<'a> JointPlaces<'a> {
+    #[inline(always)]
+    pub(crate) fn new(frames: [Place; 2], origin: &'a JointOrigin, centers: [Vec3; 2]) -> Self {
         let relative = frames[1].local(&frames[0]);
         let (rotation, swing) = (OnceCell::new(), OnceCell::new());
-        Self { frames, start, centers, gear_axis: X, relative, rotation, swing }
+        Self { frames, origin, centers, relative, rotation, swing }
     }
 
-    /// Returns the places of a joint whose gears and pinions turn about this axis of their frames: z
-    /// in the plane.
-    pub(crate) fn with_gears_about(self, gear_axis: Vec3) -> Self {
-        Self { gear_axis, ..self }
+    /// Returns the axes of frame b in the world.
+    #[inline(always)]
+    pub(crate) fn axes(&self) -> [Vec3; 3] {
+        [0, 1, 2].map(|axis| self.frames[1].turn.rotate(unit(axis)))
     }
 
     /// Reads a coordinate.
+    #[inline(always)]
     pub(crate) fn read(&self, coordinate: &RowCoordinate) -> Reading {
         match self.evaluate_in_world(coordinate) {
             Some(of_two) => of_two.reading,
@@ -265,14 +281,16 @@ impl JointPlaces {
         }
     }
 
-    /// Evaluates a coordinate and its row.
-    pub(crate) fn evaluate(&self, coordinate: &RowCoordinate) -> Evaluated {
+    /// Evaluates a coordinate and its row, with the [axes](Self::axes) of frame b.
+    #[inline(always)]
+    pub(crate) fn evaluate(&self, coordinate: &RowCoordinate, axes: &[Vec3; 3]) -> Evaluated {
         if let Some(of_two) = self.evaluate_in_world(coordinate) {
             return of_two;
         }
         let (reading, Wrench { linear, angular }) = self.measure(coordinate);
-        let [a, b] = &self.frames;
-        let (linear, angular) = (b.turn.rotate(linear), b.turn.rotate(angular));
+        let a = &self.frames[0];
+        let in_world = |own: Vec3| axes[0] * own[0] + axes[1] * own[1] + axes[2] * own[2];
+        let (linear, angular) = (in_world(linear), in_world(angular));
         let momentum = |center: Vec3, sign: f64| Velocity {
             linear: linear * sign,
             angular: (angular + cross(a.position - center, linear)) * sign,
@@ -312,12 +330,21 @@ impl JointPlaces {
     }
 
     /// Evaluates a coordinate that measures both bodies against the world; `None` for another one.
+    #[inline(always)]
     fn evaluate_in_world(&self, coordinate: &RowCoordinate) -> Option<Evaluated> {
-        let RowCoordinate::Of(coordinate) = coordinate else { return None };
+        let RowCoordinate::Of(
+            coordinate @ (Coordinate::Gear { .. }
+            | Coordinate::Rack { .. }
+            | Coordinate::Pulley { .. }),
+        ) = coordinate
+        else {
+            return None;
+        };
+        let JointOrigin { start, gear_axis } = self.origin;
         let turned = |side: usize| {
-            let (frame, start) = (&self.frames[side], &self.start[side]);
+            let (frame, start) = (&self.frames[side], &start[side]);
             let turn = start.turn.inverse().of(&frame.turn);
-            let (angle, axis) = twist(&turn, self.gear_axis);
+            let (angle, axis) = twist(&turn, *gear_axis);
             (angle, start.turn.rotate(axis))
         };
         let spin = |axis: Vec3| Velocity { linear: Vec3::ZERO, angular: axis };
@@ -333,8 +360,8 @@ impl JointPlaces {
             }
             Coordinate::Rack { radius } => {
                 let (q, axis) = turned(0);
-                let along = self.start[1].turn.rotate(X);
-                let moved = (self.frames[1].position - self.start[1].position).dot(along);
+                let along = start[1].turn.rotate(X);
+                let moved = (self.frames[1].position - start[1].position).dot(along);
                 let angles = [[q, *radius], [0.0; 2]];
                 (q * radius + moved, angles, [spin(axis * *radius), pull(1, along)])
             }
@@ -514,7 +541,11 @@ mod tests {
     }
 
     /// Moves the bodies of a joint by velocities times a time.
-    fn moved(at: &JointPlaces, velocities: &[Velocity<f64, 3, 3>; 2], time: f64) -> JointPlaces {
+    fn moved<'a>(
+        at: &JointPlaces<'a>,
+        velocities: &[Velocity<f64, 3, 3>; 2],
+        time: f64,
+    ) -> JointPlaces<'a> {
         let centers = [0, 1].map(|side| at.centers[side] + velocities[side].linear * time);
         let frames = [0, 1].map(|side: usize| {
             let turn = Turn::by(velocities[side].angular * time);
@@ -522,7 +553,7 @@ mod tests {
             let position = centers[side] + turn.rotate(arm);
             Place { position, turn: turn.of(&at.frames[side].turn) }
         });
-        JointPlaces::new(frames, at.start, centers)
+        JointPlaces::new(frames, at.origin, centers)
     }
 
     /// The row of each coordinate is its derivative: J v is the change of q along random motions,
@@ -534,7 +565,8 @@ mod tests {
             let frames = [random.place(), random.place()];
             let start = [random.place(), random.place()];
             let centers = [0, 1].map(|_| random.vector(1.0));
-            let at = JointPlaces::new(frames, start, centers);
+            let origin = JointOrigin { start, gear_axis: X };
+            let at = JointPlaces::new(frames, &origin, centers);
             let velocities = [0, 1]
                 .map(|_| Velocity { linear: random.vector(1.0), angular: random.vector(1.0) });
             let e = frames[1].local(&frames[0]).turn.rotate(X);
@@ -546,7 +578,7 @@ mod tests {
                 if near && (e[1].abs() > 0.98 || e[2].abs() > 0.98) || X.dot(e) < -0.95 {
                     continue;
                 }
-                let Evaluated { rows, .. } = at.evaluate(coordinate);
+                let Evaluated { rows, .. } = at.evaluate(coordinate, &at.axes());
                 let rate = rows[0].dot(&velocities[0]) + rows[1].dot(&velocities[1]);
                 let h = 1e-5;
                 let [before, after] =
@@ -567,14 +599,15 @@ mod tests {
             let b = random.place();
             let frames = [b, b];
             let centers = [0, 1].map(|_| random.vector(1.0));
-            let at = JointPlaces::new(frames, frames, centers);
+            let origin = JointOrigin { start: frames, gear_axis: X };
+            let at = JointPlaces::new(frames, &origin, centers);
             let velocities = [0, 1]
                 .map(|_| Velocity { linear: random.vector(1.0), angular: random.vector(1.0) });
             for axis in 0..3 {
                 for coordinate in
                     [RowCoordinate::RotationVector(axis), RowCoordinate::SwingVector(axis.max(1))]
                 {
-                    let rows = at.evaluate(&coordinate).rows;
+                    let rows = at.evaluate(&coordinate, &at.axes()).rows;
                     let rate = rows[0].dot(&velocities[0]) + rows[1].dot(&velocities[1]);
                     let h = 1e-6;
                     let [before, after] =

@@ -7,12 +7,12 @@ use std::ops::Range;
 use drystone_solver::mechanism::MechanismPart;
 use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Velocity};
 
-use super::coordinates::{JointPlaces, Place, Turn, Vec3};
+use super::coordinates::{JointPlaces, Place, Turn, Vec3, cross};
 use super::places::{BodyPlaces, flattened, in_space};
 use super::record::{JointRecord, RowState, WORLD};
 use super::rows::{Motion, Role, RowParams};
-use super::tension::{self, Tension};
-use crate::bodies::Inertia;
+use super::tension::{self, Pulls};
+use crate::bodies::{Bodies, Inertia};
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::motion::SMALL_TURN;
 
@@ -35,6 +35,12 @@ const LEAST_SPEED: f64 = 1.0;
 
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
+
+/// Relative error of the velocity along a row: velocities are rounded to `f32`. \[1\]
+const ROUNDING: f64 = 1.0 / (1 << 23) as f64;
+
+/// Error of velocities by rounding beyond which locks of bodies that turn fast are not stiffer. \[m/s\]
+const RESIDUAL: f64 = 1e-3;
 
 /// Parameters of a row before J is computed.
 const NO_PARAMS: RowParams = RowParams {
@@ -75,8 +81,9 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// q of each row, and the angles with their turns of each axis. \[m, or rad\]
     values: Vec<f64>,
     turns: Vec<[f64; 2]>,
-    /// Pulls on each member, and the inertia that they add to bodies.
-    tensions: Vec<Tension>,
+    /// Pulls: of each its member, its arm and the impulse \[m, N s\]; and those on each member.
+    pulls: Vec<(usize, Vec3, Vec3)>,
+    pulled: Vec<Pulls>,
     /// True if pulls add inertia.
     pub(crate) is_stiffened: bool,
     /// True if a body touches another one.
@@ -134,7 +141,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             params: vec![NO_PARAMS; rows],
             values: Vec::with_capacity(rows),
             turns: Vec::new(),
-            tensions: Vec::with_capacity(count),
+            pulls: Vec::with_capacity(2 * part.joints.len()),
+            pulled: vec![Pulls::NONE; count],
             is_stiffened: false,
             touches: false,
             aims: false,
@@ -143,8 +151,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     }
 
     /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps of
-    /// `h` \[s\]. A lock that carries the weight of the mechanism, or the largest force of its drives if
-    /// that is more, yields by `stretch` \[m\]. Repair is at most as fast as `speed`. \[m/s\]
+    /// `h` \[s\]. A lock that carries the weight of the mechanism, or the largest force of its drives or
+    /// turns if that is more, yields by `stretch` \[m\]. Repair is at most as fast as `speed`. \[m/s\]
     pub(crate) fn renew<G: Geometry<L, A>>(
         &mut self,
         at: &BodyPlaces<'_, G, L, A>,
@@ -162,11 +170,12 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             first += axes.len();
             let places = places_of(record, sides, &self.here);
             self.arms.push(places.centers.map(|center| places.frames[0].position - center));
+            let frame = places.axes();
             let turns = self.turns.len();
             self.turns.extend_from_slice(&record.turns);
             let turns = &mut self.turns[turns..];
             for (axis, plan) in axes.iter_mut().zip(&record.rows) {
-                let found = places.evaluate(&plan.coordinate);
+                let found = places.evaluate(&plan.coordinate, &frame);
                 let (value, turned) = found.reading.turned(&record.turns[plan.axis]);
                 self.values.push(value);
                 turns[plan.axis] = turned;
@@ -180,18 +189,19 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             }
             record.count_turns(&places, turns);
         }
-        self.soften(&at.bodies.inverse_masses, joints, part, [h, stretch, speed]);
-        part.renew(&at.bodies.inverse_masses);
+        self.soften(at.bodies, joints, part, [h, stretch, speed]);
+        part.renew_prepared(&at.bodies.inverse_masses);
     }
 
     /// Sets the parameters and compliances of the rows, whose J is known.
-    fn soften(
+    fn soften<G: Geometry<L, A>>(
         &mut self,
-        masses: &[InverseMass<f32, L, A>],
+        bodies: &Bodies<G, L, A>,
         joints: ActingJoints<'_>,
         part: &mut MechanismPart<'_, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
+        let masses = &bodies.inverse_masses;
         self.params.clear();
         let mut axes = part.axes.iter();
         for joint in part.joints {
@@ -206,11 +216,16 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 RowParams { h, mobility, arm, compliance: 0.0, repair, strongest }
             }));
         }
-        let give = 1.0 / self.drive_force(joints).max(1.0 / self.compliance);
+        let loaded = self.drive_force(joints).max(1.0 / self.compliance);
+        let [turning, fastest] = self.turning(bodies);
+        let rounding = (ROUNDING * fastest / RESIDUAL).powi(2);
         let roles = joints.of(self).flat_map(|record| &record.rows).map(|row| &row.role);
         for ((axis, params), role) in part.axes.iter_mut().zip(&mut self.params).zip(roles) {
-            params.compliance = REPAIR * stretch * give / (h * h * params.arm * params.arm);
+            let under = |force: f64| REPAIR * stretch / (force * (h * params.arm).powi(2));
+            let turning = under(turning).max(params.mobility * rounding);
+            params.compliance = under(loaded).min(turning);
             axis.law.compliance = role.compliance(params);
+            axis.prepare_for(params.mobility);
         }
     }
 
@@ -225,6 +240,36 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             state.solved.abs() / (params.h * params.arm)
         };
         drives.map(force).fold(0.0, f64::max)
+    }
+
+    /// Returns the largest force that keeps a body on its arc, m (|omega x (omega x r)| + |omega x v|)
+    /// \[N\], and the largest speed \[m/s\]. r is the arm of a joint, v the velocity relative to the
+    /// mechanism.
+    fn turning<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>) -> [f64; 2] {
+        let moving = |body: u32| {
+            let body = body as usize;
+            let inverse = f64::from(bodies.inverse_masses[body].linear);
+            (inverse > 0.0).then(|| (1.0 / inverse, bodies.velocities[body]))
+        };
+        let (mut mass, mut momentum) = (0.0, Vec3::ZERO);
+        for (own, velocity) in self.members.iter().filter_map(|&body| moving(body)) {
+            mass += own;
+            momentum += in_space(velocity.linear) * own;
+        }
+        let mean = momentum * if mass > 0.0 { 1.0 / mass } else { 0.0 };
+        let (mut largest, mut fastest) = (0.0f64, 0.0f64);
+        for (sides, arms) in self.sides.iter().zip(&self.arms) {
+            for (&side, arm) in sides.iter().zip(arms) {
+                let Some((mass, velocity)) = moving(self.members[side]) else { continue };
+                let omega = in_space(velocity.angular);
+                let of_arm = cross(omega, cross(omega, *arm)).length();
+                let of_path = cross(omega, in_space(velocity.linear) - mean).length();
+                largest = largest.max(mass * (of_arm + of_path));
+                let speed = in_space(velocity.linear).length() + omega.length() * arm.length();
+                fastest = fastest.max(speed);
+            }
+        }
+        [largest, fastest]
     }
 
     /// Finds the places of the bodies.
@@ -352,39 +397,37 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         mut found: impl FnMut(u32, SymmetricMatrix<f64, A>),
     ) {
         let masses = &at.bodies.inverse_masses;
-        self.tensions.clear();
-        self.tensions.resize(self.members.len(), Tension::default());
+        self.pulls.clear();
         let mut axes = axes.iter();
         let slots = &acting[self.joints.clone()];
         for ((&slot, sides), arms) in slots.iter().zip(&self.sides).zip(&self.arms) {
             let record = &mut records[slot as usize];
-            let mut pulls = [Vec3::ZERO; 2];
+            let mut impulses = [Vec3::ZERO; 2];
             for (state, axis) in record.states.iter().zip(&mut axes) {
                 let impulse = state.solved + state.relaxed;
-                for (pull, jacobian) in pulls.iter_mut().zip(&axis.jacobian) {
-                    (0..L).for_each(|i| pull[i] += jacobian.linear[i] * impulse);
+                for (sum, jacobian) in impulses.iter_mut().zip(&axis.jacobian) {
+                    (0..L).for_each(|i| sum[i] += jacobian.linear[i] * impulse);
                 }
             }
             if record.bodies[0] == WORLD {
-                pulls.swap(0, 1);
+                impulses.swap(0, 1);
             }
-            for (side, (arm, pull)) in arms.iter().zip(pulls).enumerate() {
+            for (side, impulse) in impulses.into_iter().enumerate() {
+                // An impact in one substep is no tension.
+                let now = impulse.length();
+                let before = std::mem::replace(&mut record.pulls[side], now);
+                let lasting = if now > before { impulse * (before / now) } else { impulse };
                 // No pull turns a body that cannot move.
                 let body = record.bodies[side];
-                if body == WORLD || masses[body as usize] == InverseMass::FIXED {
-                    continue;
-                }
-                // An impact in one substep is no tension.
-                let now = arm.dot(pull).max(0.0);
-                let before = std::mem::replace(&mut record.pulls[side], now);
-                if now > 0.0 {
-                    self.tensions[sides[side]].add(*arm, pull * (now.min(before) / now));
+                if body != WORLD && masses[body as usize] != InverseMass::FIXED {
+                    self.pulls.push((sides[side], arms[side], lasting));
                 }
             }
         }
+        tension::find(&mut self.pulled, self.pulls.iter().copied());
         self.is_stiffened = false;
-        for (&body, tension) in self.members.iter().zip(&self.tensions) {
-            let Some(of) = tension.balanced() else { continue };
+        for (&body, pulled) in self.members.iter().zip(&self.pulled) {
+            let Some(of) = pulled.stiffness() else { continue };
             let inertia = at.bodies.mass(body as usize).angular;
             if let Some(surplus) = tension::surplus(&of, &inertia, h) {
                 self.is_stiffened = true;
@@ -405,21 +448,28 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         [prospective, velocities]: [&[Velocity<f32, L, A>]; 2],
         masses: &[InverseMass<f32, L, A>],
     ) -> bool {
-        let (mut energy, mut gain, mut mass) = (0.0, 0.0, 0.0);
+        let mass: f64 = self.members.iter().map(|&body| masses[body as usize].cast::<f64>()).fold(
+            0.0,
+            |sum, inverse: InverseMass<f64, L, A>| {
+                if inverse.linear > 0.0 { sum + 1.0 / inverse.linear } else { sum }
+            },
+        );
+        let least = |speed: f64| 0.5 * mass * speed * speed;
+        // Locks that work less than this harm no mechanism, whatever its energy.
+        let work = self.work(joints, part, [prospective, velocities]);
+        if work <= least(LEAST_SPEED) {
+            return false;
+        }
+        let (mut energy, mut gain) = (0.0, 0.0);
         for &body in &self.members {
             let own = masses[body as usize].cast::<f64>().mass();
             let [before, after] =
                 [prospective, velocities].map(|all| 0.5 * own.squared(&all[body as usize].cast()));
             energy += before;
             gain += after - before;
-            mass += own.linear;
         }
-        let most = |speed: f64| MOST_GAIN * energy + 0.5 * mass * speed * speed;
-        if gain <= most(LEAST_SPEED) {
-            return false;
-        }
-        let [work, speed] = self.work(joints, part, [prospective, velocities], masses);
-        let is_wild = work.min(gain) > most(speed.max(LEAST_SPEED));
+        let speed = self.repair_speed(joints, part, masses).max(LEAST_SPEED);
+        let is_wild = work.min(gain) > MOST_GAIN * energy + least(speed);
         if is_wild {
             let rows = joints.of(self).flat_map(|record| &record.rows);
             let locks = part.axes.iter_mut().zip(rows).filter(|(_, row)| row.role.is_rigid_lock());
@@ -428,49 +478,68 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         is_wild
     }
 
-    /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2 \[J\], and the
-    /// greatest speed that a repair among them asks for. An angle turns all members about the
-    /// joint. \[m/s\]
+    /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2. \[J\]
     fn work(
         &self,
         joints: ActingJoints<'_>,
         part: &MechanismPart<'_, L, A>,
         [before, after]: [&[Velocity<f32, L, A>]; 2],
-        masses: &[InverseMass<f32, L, A>],
-    ) -> [f64; 2] {
-        let (mut work, mut fastest, mut row) = (0.0, 0.0f64, 0);
-        let places = self.sides.iter().zip(&self.arms);
-        for ((record, of), (sides, arms)) in joints.of(self).zip(part.joints).zip(places) {
-            let [u, v] = [before, after].map(|all| of.bodies.map(|body| all[body as usize].cast()));
-            let unit: f64 =
-                of.bodies.map(|body| f64::from(masses[body as usize].linear)).iter().sum();
-            for (plan, state) in record.rows.iter().zip(&record.states) {
-                let (axis, params) = (&part.axes[row], &self.params[row]);
-                row += 1;
-                let Role::Lock(value, None) = plan.role else { continue };
-                work += 0.5
-                    * axis.impulse
-                    * (axis.velocity(&u[0], &u[1]) + axis.velocity(&v[0], &v[1]));
-                let RowParams { h, mobility, repair: [share, most], .. } = *params;
-                let repaired = (share * (state.value - value) / h).abs().min(most);
-                if mobility > 0.0 && repaired > 0.0 {
-                    let mut reach = (unit / mobility).sqrt();
-                    if axis.is_turn() {
-                        let side = record.first_side();
-                        let anchor = self.here[sides[side]].position + arms[side];
-                        let distances = self.here.iter().map(|at| (at.position - anchor).length());
-                        reach += distances.fold(0.0, f64::max);
-                    }
-                    fastest = fastest.max(repaired * reach);
+    ) -> f64 {
+        let (mut work, mut axes) = (0.0, part.axes.iter());
+        for (record, joint) in joints.of(self).zip(part.joints) {
+            let [a, b] = joint.bodies.map(|body| {
+                let body = body as usize;
+                (before[body].cast::<f64>() + after[body].cast::<f64>()) * 0.5
+            });
+            for (plan, axis) in record.rows.iter().zip(&mut axes) {
+                if plan.role.is_rigid_lock() {
+                    work += axis.impulse * axis.velocity(&a, &b);
                 }
             }
         }
-        [work, fastest]
+        work
+    }
+
+    /// Returns the greatest speed that a repair asks for among the rigid locks. An angle turns all
+    /// members about the joint. \[m/s\]
+    fn repair_speed(
+        &self,
+        joints: ActingJoints<'_>,
+        part: &MechanismPart<'_, L, A>,
+        masses: &[InverseMass<f32, L, A>],
+    ) -> f64 {
+        let (mut fastest, mut rows) = (0.0f64, part.axes.iter().zip(&self.params));
+        let places = self.sides.iter().zip(&self.arms);
+        for ((record, joint), (sides, arms)) in joints.of(self).zip(part.joints).zip(places) {
+            let unit = joint.bodies.map(|body| f64::from(masses[body as usize].linear));
+            let side = record.first_side();
+            let anchor = self.here[sides[side]].position + arms[side];
+            let distances = self.here.iter().map(|at| (at.position - anchor).length());
+            let farthest = distances.fold(0.0, f64::max);
+            for ((plan, state), (axis, params)) in
+                record.rows.iter().zip(&record.states).zip(&mut rows)
+            {
+                let Role::Lock(value, None) = plan.role else { continue };
+                let RowParams { h, mobility, repair: [share, most], .. } = *params;
+                let repaired = (share * (state.value - value) / h).abs().min(most);
+                if mobility > 0.0 && repaired > 0.0 {
+                    let reach = (unit.iter().sum::<f64>() / mobility).sqrt();
+                    let more = if axis.is_turn() { farthest } else { 0.0 };
+                    fastest = fastest.max(repaired * (reach + more));
+                }
+            }
+        }
+        fastest
     }
 }
 
 /// Returns the places of a joint whose bodies have these places.
-fn places_of(record: &JointRecord, sides: [usize; 2], of_members: &[Place]) -> JointPlaces {
+#[inline(always)]
+fn places_of<'a>(
+    record: &'a JointRecord,
+    sides: [usize; 2],
+    of_members: &[Place],
+) -> JointPlaces<'a> {
     let [a, b] = [0, 1].map(|side: usize| match record.bodies[side] {
         WORLD => Place::ORIGIN,
         _ => of_members[sides[side]],
@@ -484,7 +553,7 @@ fn set_targets<const L: usize, const A: usize>(
     record: &JointRecord,
     axes: &mut [Axis<f64, L, A>],
     params: &[RowParams],
-    (then, [a, b]): (&JointPlaces, &[Velocity<f64, L, A>; 2]),
+    (then, [a, b]): (&JointPlaces<'_>, &[Velocity<f64, L, A>; 2]),
 ) -> f64 {
     let mut change = 0.0f64;
     for (index, (axis, params)) in axes.iter_mut().zip(params).enumerate() {

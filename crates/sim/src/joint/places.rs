@@ -48,11 +48,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> 
 }
 
 /// Returns a row in the dimension of a world.
+#[inline(always)]
 pub(crate) fn flattened<const L: usize, const A: usize>(
     row: &Velocity<f64, 3, 3>,
 ) -> Velocity<f64, L, A> {
-    Velocity {
-        linear: Vector(std::array::from_fn(|i| row.linear[i])),
-        angular: Vector(std::array::from_fn(|i| row.angular[if A == 1 { 2 } else { i }])),
-    }
+    let mut flat = Velocity::ZERO;
+    (0..L).for_each(|i| flat.linear[i] = row.linear[i]);
+    (0..A).for_each(|i| flat.angular[i] = row.angular[if A == 1 { 2 } else { i }]);
+    flat
 }

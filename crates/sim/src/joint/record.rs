@@ -2,7 +2,7 @@
 
 use drystone_solver::{Axis, Velocity};
 
-use super::coordinates::{JointPlaces, Place, RowCoordinate, Vec3, cross};
+use super::coordinates::{JointOrigin, JointPlaces, Place, RowCoordinate, Vec3, cross};
 use super::rows::RowPlan;
 use super::{Breaking, Coordinate, JointAxis};
 
@@ -16,10 +16,7 @@ pub(crate) struct JointRecord {
     pub(crate) bodies: [u32; 2],
     /// Frames relative to the centers of mass, or in the world.
     pub(crate) frames: [Place; 2],
-    /// Frames in the world when the bodies were joined.
-    pub(crate) start: [Place; 2],
-    /// Axis of the frames about which gears and pinions turn: x, or z in the plane.
-    pub(crate) gear_axis: Vec3,
+    pub(crate) origin: JointOrigin,
     pub(crate) axes: Vec<JointAxis>,
     pub(crate) rows: Vec<RowPlan>,
     pub(crate) states: Vec<RowState>,
@@ -30,7 +27,7 @@ pub(crate) struct JointRecord {
     pub(crate) enabled: bool,
     pub(crate) broken: bool,
     pub(crate) user_data: u128,
-    /// (r . gamma)+ of both bodies in the last substep ([`tension`]). \[N m s\]
+    /// Lengths of the impulses on both bodies in the last substep ([`tension`](super::tension)). \[N s\]
     pub(crate) pulls: [f64; 2],
     /// Impulse on a and its moment about the joint in this step, or in the last one.
     /// \[N s, N m s\]
@@ -60,19 +57,19 @@ impl RowState {
 
 impl JointRecord {
     /// Returns its places, where `of` returns those of its bodies.
-    pub(crate) fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces {
+    pub(crate) fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces<'_> {
         self.places_at(self.bodies.map(of))
     }
 
     /// Returns its places, where its bodies are at these.
-    pub(crate) fn places_at(&self, [a, b]: [Place; 2]) -> JointPlaces {
+    #[inline(always)]
+    pub(crate) fn places_at(&self, [a, b]: [Place; 2]) -> JointPlaces<'_> {
         let frames = [a.of(&self.frames[0]), b.of(&self.frames[1])];
-        JointPlaces::new(frames, self.start, [a.position, b.position])
-            .with_gears_about(self.gear_axis)
+        JointPlaces::new(frames, &self.origin, [a.position, b.position])
     }
 
     /// Counts the turns of axes without rows.
-    pub(crate) fn count_turns(&self, places: &JointPlaces, turns: &mut [[f64; 2]]) {
+    pub(crate) fn count_turns(&self, places: &JointPlaces<'_>, turns: &mut [[f64; 2]]) {
         for (index, axis) in self.axes.iter().enumerate() {
             let has_row = || self.rows.iter().any(|row| row.axis == index);
             if axis.coordinate.counts_turns() && !has_row() {
@@ -83,7 +80,7 @@ impl JointRecord {
     }
 
     /// Returns by how much its positions \[m\] and rotations \[rad\] miss their locks and limits.
-    pub(crate) fn misses(&self, places: &JointPlaces) -> [f64; 2] {
+    pub(crate) fn misses(&self, places: &JointPlaces<'_>) -> [f64; 2] {
         let mut out = [0.0f64; 2];
         let mut apart = 0.0;
         for plan in &self.rows {
@@ -128,6 +125,17 @@ impl JointRecord {
         let side = self.first_side();
         let sign = if side == 1 { -1.0 } else { 1.0 };
         [pull * sign, (turn - cross(arms[side], pull)) * sign]
+    }
+
+    /// Returns true if it holds a distance: its line turns when its bodies do not.
+    pub(crate) fn has_line(&self) -> bool {
+        let is_line = |row: &RowPlan| {
+            matches!(
+                row.coordinate,
+                RowCoordinate::Of(Coordinate::Distance | Coordinate::Radial(_))
+            )
+        };
+        self.rows.iter().any(is_line)
     }
 
     /// Returns the side of its first body: 1 if a is the world.

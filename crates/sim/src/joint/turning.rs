@@ -21,7 +21,7 @@ pub(crate) struct FrameMotion {
     pub(crate) turn: Turn,
     position: Vec3,
     velocity: Vec3,
-    omega: Vec3,
+    pub(crate) omega: Vec3,
 }
 
 impl FrameMotion {

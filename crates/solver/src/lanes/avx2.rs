@@ -5,21 +5,12 @@ use std::arch::x86_64::*;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
 use super::number::{Doubles, KernelLanes, LaneArray, Lanes, PART, Row, WIDTH};
+use crate::registers::{has_avx2, with_avx2};
 use crate::{Cast, Real};
 
 /// Lanes in AVX2 registers. Values can be created and moved anywhere; arithmetic must happen
 /// within [`Lanes::run`].
 pub type Avx2 = LaneArray<Floats, 2, 2>;
-
-/// Returns whether this machine has AVX2.
-pub(super) fn available() -> bool {
-    std::arch::is_x86_feature_detected!("avx2")
-}
-
-#[target_feature(enable = "avx2")]
-fn enter<R>(f: impl FnOnce() -> R) -> R {
-    f()
-}
 
 impl Lanes for Avx2 {
     type Doubles = LaneArray<Floats64, 2, 2>;
@@ -39,9 +30,9 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn run<R>(f: impl FnOnce() -> R) -> R {
-        assert!(available(), "Avx2 lanes need a machine with AVX2");
+        assert!(has_avx2(), "Avx2 lanes need a machine with AVX2");
         // SAFETY: the machine has AVX2, as just asserted.
-        unsafe { enter(f) }
+        unsafe { with_avx2(f) }
     }
 }
 

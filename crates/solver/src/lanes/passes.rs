@@ -129,7 +129,7 @@ impl Instructions {
         let all = [
             Some(Self::Portable),
             #[cfg(target_arch = "x86_64")]
-            super::avx2::available().then_some(Self::Avx2),
+            crate::registers::has_avx2().then_some(Self::Avx2),
         ];
         all.into_iter().flatten().collect()
     }

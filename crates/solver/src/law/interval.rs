@@ -91,6 +91,7 @@ impl<T: Real> Law<T, 1> for Interval<T> {
 }
 
 impl SmoothLaw<1> for Interval<f64> {
+    #[inline(always)]
     fn slope(&self, u: Vector<f64, 1>) -> SymmetricMatrix<f64, 1> {
         let mut slope = SymmetricMatrix::ZERO;
         let y = self.outside(u[0]);
