@@ -10,7 +10,7 @@ from .exporting import channels_of
 from .moves import take_reparented
 from .originals import (Actions, assign, bag_of, baked_things, forget, remove_unused_actions, take_edits,
                         take_over)
-from .space import ORIGINAL, objects_of, refuse_stretching, scene_with, time_step
+from .space import ORIGINAL, is_baked, objects_of, refuse_stretching, scene_with, time_step, uid_of
 
 # A step after which the window gets its turn.
 WAITING = "waiting"
@@ -52,6 +52,8 @@ def frames_in(path):
 
 def _sign_after(past, turn):
     """Returns the sign with which a quaternion is near the one of the last key before it."""
+    if any(("rotation_quaternion", i) not in past for i in range(4)):
+        return 1.0
     last = np.array([past["rotation_quaternion", i][-1, 1] for i in range(4)])
     return -1.0 if last @ turn < 0 else 1.0
 
@@ -66,6 +68,8 @@ class Keys:
     def __init__(self, scene, channels, start=None):
         # Undo may replace a scene while a bake runs.
         self.scene_uid = scene.session_uid
+        # Users rename objects while a bake runs. So a name is that at the export, and leads to a session UID.
+        self._uids = {name: thing.session_uid for name, thing in objects_of(scene).items()}
         self.first = start.frame if start else scene.frame_start
         # Number of frames of the scene before the first one of the bake, and keys of these, by name.
         self.offset = self.first - scene.frame_start
@@ -84,10 +88,14 @@ class Keys:
         self.actions.refresh()
 
     def thing(self, name):
-        """Returns an object of the bake, or None. A look into Blender's list of objects would take longer."""
+        """Returns the object that had a name at the export, or None if it gets no keys or is gone."""
+        return self._thing_with(self._uids.get(name)) if name in self.channels else None
+
+    def _thing_with(self, uid):
+        """Returns an object of the scene. A look into Blender's list of objects would take longer."""
         if self._things is None:
-            self._things = objects_of(self.scene)
-        return self._things.get(name) if name in self.channels else None
+            self._things = {thing.session_uid: thing for thing in objects_of(self.scene).values()}
+        return self._things.get(uid)
 
     @property
     def scene(self):
@@ -95,8 +103,11 @@ class Keys:
 
     def begin(self, kept):
         """Restores objects of earlier bakes that are not part of this one, but for those to be kept."""
-        for thing in baked_things(self.scene) if not self.past else []:
-            if thing.name_full not in self.channels and thing.name_full not in kept:
+        stay = {self._uids.get(name) for name in [*self.channels, *kept]}
+        left = [] if self.past else [thing.session_uid for thing in baked_things(self.scene)]
+        for uid in left:
+            thing = self._thing_with(uid)
+            if thing and uid not in stay:
                 forget(thing)
                 yield
 
@@ -105,21 +116,22 @@ class Keys:
         for i, name in enumerate(names):
             thing = self.thing(name)
             if thing:
-                self._key(thing, frames + self.first, *self.channels[name].values(poses[:, i], self.offset))
+                self._key(name, thing, frames + self.first, *self.channels[name].values(poses[:, i], self.offset))
                 yield
         yield from self._show()
         self.frames = len(frames)
 
-    def _key(self, thing, frames, places, turns):
-        bag, past = bag_of(*self.actions.place_for(thing)), self.past.get(thing.name_full)
+    def _key(self, name, thing, frames, places, turns):
+        bag, past = bag_of(*self.actions.place_for(thing)), self.past.get(name)
         if past:
             turns = turns * _sign_after(past, turns[0])
         set_keys(bag, "location", frames, places, past)
         set_keys(bag, "rotation_quaternion", frames, turns, past)
-        if thing.name_full not in self.taken:
+        if name not in self.taken:
             if not past:
                 self._note_first(thing, int(frames[0]), [*places[0], *turns[0]])
-            self.taken.add(thing.name_full)
+            thing[ORIGINAL]["name"] = name
+            self.taken.add(name)
 
     def _note_first(self, thing, frame, channels):
         # Rounded to 32 bits like keys, so that a difference is a move by hand.
@@ -130,12 +142,15 @@ class Keys:
         """Makes all objects show their keys, all at once: Blender rebuilds its graph after each change."""
         if not self.frames:
             yield WAITING
-        things = filter(None, map(self.thing, self.taken))
-        new = [thing.name_full for thing in things if assign(thing, *self.actions.place_for(thing))]
+        things = {name: self.thing(name) for name in self.taken}
+        new = [name for name, thing in things.items() if thing and assign(thing, *self.actions.place_for(thing))]
         if new:
             yield WAITING
         for name in new:
-            take_over(self.thing(name), self.channels[name])
+            thing = self.thing(name)
+            # Else it was deleted, or undo has taken its keys.
+            if thing and is_baked(thing) and self.actions.is_shown(thing):
+                take_over(thing, self.channels[name])
 
     def are_lost(self):
         """Tells whether undo has taken keys of the bake from objects."""
@@ -145,6 +160,12 @@ class Keys:
     def missing(self):
         """Returns the names of objects that are gone since the export."""
         return [name for name in self.channels if not self.thing(name)]
+
+    def reparented(self):
+        """Returns the names of objects whose keys are below a parent that they have no longer."""
+        things = {name: self.thing(name) for name in self.taken}
+        return [name for name, thing in things.items() if thing and not self.channels[name].is_apart
+                and uid_of(thing.parent) != self.channels[name].parent_uid]
 
     def end(self, last):
         """Shows the bake from the first frame, in a scene that ends no earlier than it."""

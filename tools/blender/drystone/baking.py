@@ -1,7 +1,9 @@
 """Bakes that run beside Blender, in small steps."""
 
+import shutil
 import tempfile
 import time
+import traceback
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from .applying import WAITING, Keys, at_frames, frames_in, read_bake
 from .exporting import export, unselected
 from .findings import CHANGED, LEFT_OUT, counted
 from .space import scene_with
+from .stages import baked_scene
 from .start import Start
 
 # Longest work between two looks at the window. [s]
@@ -56,6 +59,14 @@ def folder_of(scene, cache):
     path = Path(bpy.path.abspath(cache)) if saved else Path(bpy.app.tempdir or tempfile.gettempdir()) / "drystone"
     path.mkdir(parents=True, exist_ok=True)
     return path
+
+
+def sentence_of(error):
+    """Returns an error as a sentence. Those of the add-on's own are one; of others the console has more."""
+    if isinstance(error, (OSError, ValueError)):
+        return str(error)
+    traceback.print_exception(error)
+    return f"An error of the add-on ended the work ({type(error).__name__}: {error})."
 
 
 def take_out(shot, kind, index, where, why):
@@ -116,18 +127,24 @@ class Work:
     def scene(self):
         return scene_with(self.scene_uid)
 
+    @property
+    def has_scene(self):
+        return any(scene.session_uid == self.scene_uid for scene in bpy.data.scenes)
+
     def poll(self, seconds=SLICE):
         """Goes on for a moment; tells whether there is more to do."""
         end = time.monotonic() + seconds
-        self._refresh()
         try:
+            # Raises an error if the scene was deleted.
+            _ = self.scene
+            self._refresh()
             while time.monotonic() < end:
                 if next(self._steps) is WAITING:
                     return True
         except StopIteration:
             return False
         except Exception as error:  # Whatever it is, the window must get its operator back.
-            self.error = str(error)
+            self.error = sentence_of(error)
             self._stop()
             return False
         return True
@@ -275,6 +292,8 @@ class Bake(Check):
         """Keeps the recording of the whole bake, shows its contacts, and removes other files."""
         if self.start and baked and self.keys.frames:
             self.start.merge(baked, self.whole)
+        if self.keys.frames:
+            self._keep_scene(baked)
         if self.has_contacts and baked == self.output:
             self._show_contacts(self.whole.with_suffix(".contacts.npz"))
         else:
@@ -284,6 +303,14 @@ class Bake(Check):
         if self.start:
             for file in (self.scene_file, self.output, self.journal, self.contacts):
                 file.unlink(missing_ok=True)
+
+    def _keep_scene(self, baked):
+        """Keeps the scene of a complete recording, as checks and other bakes write theirs."""
+        kept = baked_scene(self.whole)
+        if self.whole.exists() and (self.start or baked == self.output):
+            shutil.copyfile(self.scene_file, kept)
+        else:
+            kept.unlink(missing_ok=True)
 
     def _show_contacts(self, whole):
         """Shows the contacts of the bake, after those before it, and keeps them."""
@@ -355,3 +382,5 @@ class Bake(Check):
             self.said += [line for line in output.splitlines() if line.startswith(SAID)]
             self.said += binary.said_plainly(messages)
         self.said += [f"'{name}' is gone" for name in self.keys.missing()]
+        self.said += [f"'{name}' has another parent than at the start of the bake: bake again"
+                      for name in self.keys.reparented()]

@@ -162,6 +162,7 @@ def abilities(path):
         contacts="--contacts" in bake,
         # Windows has no way to read a file without moving the place that the program writes at.
         progress="--progress" in bake and hasattr(os, "pread"),
+        instances="--instances" in ask(path, "convert", "--help"),
         decompose=re.search(r"^  decompose ", ask(path, "--help"), re.MULTILINE) is not None)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from mathutils import Matrix
 
 from .curves import animates
-from .space import rigid
+from .space import rigid, uid_of
 
 # Largest deviation of a matrix from a rotation of unit scale. [1]
 RIGID = 1e-4
@@ -69,6 +69,7 @@ class Channels:
 
     def __init__(self, thing, above=None):
         self.name = thing.name_full
+        self.parent_uid = uid_of(thing.parent)
         self.delta = list(thing.delta_location)
         self.delta_rotation = list(thing.delta_rotation_quaternion.normalized())
         self.delta_turn = np.array(thing.delta_rotation_quaternion.normalized().conjugated())

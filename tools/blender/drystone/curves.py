@@ -55,7 +55,18 @@ def all_of(curve):
         values = np.empty((2 if kind == np.float32 else 1) * len(points), kind)
         points.foreach_get(key, values)
         parts.append(values.tobytes())
-    return parts + [[str(getattr(of, key)) for key in of.bl_rna.properties.keys()] for of in curve.modifiers]
+    return parts + [_settings(of) for of in curve.modifiers]
+
+
+def _settings(owner):
+    """Returns the settings of a modifier as plain values."""
+    found = []
+    for key, of in owner.bl_rna.properties.items():
+        if of.type == "COLLECTION":
+            found.append([_settings(each) for each in getattr(owner, key)])
+        elif of.type != "POINTER":
+            found.append(list(getattr(owner, key)) if getattr(of, "is_array", False) else getattr(owner, key))
+    return found
 
 
 def set_keys(bag, path, frames, values, past=None):

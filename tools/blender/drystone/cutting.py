@@ -52,6 +52,7 @@ class Cutting(Work):
         self.scene_file = Path(folder) / "pieces.scene.json"
         self.output = Path(folder) / "pieces.json"
         self.meshes, self.hashes = meshes_of(context, names)
+        self.uids = {name: thing.session_uid for name, thing in simulated(context.scene).items()}
         if not self.meshes:
             raise ValueError("Pieces are of active objects of the shape Mesh with closed meshes: select some, or "
                              "none for all")
@@ -73,7 +74,8 @@ class Cutting(Work):
         for file in (self.scene_file, self.output):
             file.unlink()
         for name, mesh in found.items():
-            thing = simulated(self.scene).get(name)
+            things = {thing.session_uid: thing for thing in simulated(self.scene).values()}
+            thing = things.get(self.uids[name])
             if thing:
                 pieces.show(self.scene, thing, self.hashes[name], mesh["pieces"])
             yield

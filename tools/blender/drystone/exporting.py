@@ -5,6 +5,8 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from .channels import Channels
 from .curves import HOLDS, animates
 from .deforming import Deforming, deforms
@@ -14,7 +16,7 @@ from .instances import MOVING, instances_of
 from .joints import JointExporter
 from .moves import show_moves, take_moves
 from .originals import take_edits
-from .sampling import Sampling, followers, has_reason, may_move, still, with_values
+from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
 from .shapes import ShapeExporter
 from .space import (compound_of, has_mass, is_baked, is_held, is_linked, is_sound, objects_of, pose_of,
                     refuse_stretching, simulated, time_step, turned, unlinked, world_of)
@@ -30,6 +32,7 @@ DEFORMING = {"ARMATURE", "CAST", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK
              "SURFACE_DEFORM", "WARP", "WAVE", "VOLUME_DISPLACE"}
 # Phrases of findings on objects that no bake can follow.
 FOLLOWING, AS_AT_FIRST = "following a body that the simulation moves", "still, as at the first frame"
+VERTICES, BESIDES = " with vertices that follow an active body", "without that part of their motion"
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ class Abilities:
     contacts: bool = False
     progress: bool = False
     decompose: bool = False
+    # Point instances of OpenUSD.
+    instances: bool = False
 
 
 @dataclass
@@ -127,7 +132,33 @@ class Exporter:
         self.instances = instances
         others = {*winds, *(each.above for each in instances)} - set(self.things)
         self.sampling = sampled(self.scene, self.things, kept, others, looks)
+        self.follow()
         self.wind = Wind(self.scene, winds, abilities.force, self.sampling, findings)
+
+    def follow(self):
+        """Notes what follows active bodies by its vertices, or as an instance."""
+        movers = [thing for thing in self.things if may_move(thing, self.kept)]
+        parts = [part for thing in self.things if thing.rigid_body.collision_shape == "COMPOUND"
+                 for part in thing.children_recursive if part.rigid_body]
+        things = [thing for thing in self.things + parts
+                  if thing.rigid_body.collision_shape != "COMPOUND" and thing.rigid_body.mesh_source != "BASE"
+                  and refers(thing)]
+
+        def vertices():
+            return {thing.name_full: self.shapes.body_mesh(thing)[0] for thing in things}
+
+        def instances():
+            found = instances_of(self.shapes.depsgraph, objects_of(self.scene), Findings())
+            return {each.name: np.array(each.matrix) for each in found}
+
+        moved = moved_by(movers, instances) if self.instances else set()
+        self.following_instances = {each.above.name_full for each in self.instances if each.name in moved}
+        following = moved_by(movers, vertices) if things else set()
+        for thing in things:
+            if thing.name_full in following - self.sampling.following:
+                noun = "passive object" if thing.rigid_body.type == "PASSIVE" else "object"
+                as_told = BESIDES if thing.name_full in self.deforming.names else "as at the first frame"
+                self.findings.add(CHANGED, noun, f"{VERTICES}: {as_told}", thing.name_full)
 
     def is_sound(self, thing):
         sound = is_sound(thing)
@@ -226,7 +257,8 @@ class Exporter:
     def instance(self, instance):
         """Returns an instance as a body, or None if it has no shape."""
         above, name = instance.above, instance.above.name_full
-        if name in self.sampling.following or above.rigid_body and may_move(above, self.kept):
+        follows = name in self.sampling.following | self.following_instances
+        if follows or above.rigid_body and may_move(above, self.kept):
             self.findings.add(CHANGED, "instancer", f" {FOLLOWING}: {AS_AT_FIRST}", name)
         elif self.sampling.is_moved_rigidly(name):
             self.findings.add(CHANGED, "instancer", MOVING, name)

@@ -57,6 +57,9 @@ class Wind:
                 self.drag += weight * field.flow
                 if animates(thing, "field", "rotation_"):
                     findings.add(CHANGED, "wind", " with keys: as at the first frame", thing.name_full)
+                elif thing.name_full in sampling.following:
+                    findings.add(CHANGED, "wind", " following a body that the simulation moves: as at the first "
+                                 "frame", thing.name_full)
                 elif sampling.is_turned(thing.name_full):
                     findings.add(CHANGED, "wind", " turned by a parent or a constraint: as at the first frame",
                                  thing.name_full)

@@ -9,6 +9,7 @@ from .curves import TRANSFORMS, channelbags
 from .originals import CHANGED, baked_things, deltas_of, keyed_at, slot_of, take_parents
 from .sampling import still
 from .space import ORIGINAL, objects_of, rigid
+from .switches import strip_paths
 
 
 def _differ(one, other):
@@ -36,7 +37,8 @@ def _has_keys(thing):
     """Tells whether an object had keys of its own place before its bake."""
     state = thing[ORIGINAL].to_dict()
     bags = channelbags(state.get("action"), slot_of(state))
-    return any(curve.data_path.startswith(TRANSFORMS) for bag in bags for curve in bag.fcurves)
+    paths = {curve.data_path for bag in bags for curve in bag.fcurves} | strip_paths(thing)
+    return any(path.startswith(TRANSFORMS) for path in paths)
 
 
 def _with_deltas(thing, values):

@@ -16,6 +16,7 @@ from .findings import counted
 from .originals import baked_things
 from .pieces import OPERATOR
 from .settings import preference
+from .stages import write_stage
 
 # Time between two looks at a running bake. [s]
 TICK = 0.05
@@ -65,6 +66,11 @@ class Running:
         context.window_manager.event_timer_remove(self._timer)
         return self._end(context)
 
+    def cancel(self, context):
+        """Stops the work when its window is closed, so that another one can begin."""
+        context.window_manager.event_timer_remove(self._timer)
+        abandon()
+
     def _start(self, context):
         global running
         settings = context.scene.drystone
@@ -78,13 +84,13 @@ class Running:
     def _end(self, context):
         global running
         work, running = running, None
-        if work.shot:
+        if work.shot and work.has_scene:
             work.scene.drystone.show(work.shot.findings)
         tell(context, None)
         redraw(context)
         if work.error:
             self.report({"ERROR"}, work.error)
-        return self.show(work)
+        return self.show(work) if work.has_scene else {"CANCELLED"}
 
 
 class Baking(Running, Operator):
@@ -215,7 +221,7 @@ class Select(Operator):
         if things:
             context.view_layer.objects.active = things[0]
         if len(things) < len(names):
-            self.report({"INFO"}, f"{len(names) - len(things)} of {len(names)} are hidden")
+            self.report({"INFO"}, f"{len(names) - len(things)} of {len(names)} are hidden, renamed or deleted")
         return {"FINISHED"}
 
 
@@ -266,6 +272,30 @@ class Export(Operator, ExportHelper):
             return Abilities()
 
 
+class ExportBake(Operator, ExportHelper):
+    """Write the bake of this scene as OpenUSD, with the shapes that collide"""
+
+    bl_idname = "drystone.export_bake"
+    bl_label = "Export Drystone Bake"
+    filename_ext = ".usda"
+    filter_glob: StringProperty(default="*.usda", options={"HIDDEN"})
+    instances: BoolProperty(name="Instances", description="Write equal bodies as point instances of one shape, "
+                            "so that thousands of pieces open fast in Houdini and usdview")
+
+    @classmethod
+    def poll(cls, context):
+        return running is None and bool(baked_things(context.scene))
+
+    def execute(self, context):
+        folder = folder_of(context.scene, context.scene.drystone.cache)
+        try:
+            write_stage(preference(context), folder, context.scene, self.filepath, self.instances)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
 class Apply(Operator, ImportHelper):
     """Key the bodies of a bake on the objects of the same names"""
 
@@ -274,6 +304,10 @@ class Apply(Operator, ImportHelper):
     bl_options = {"REGISTER", "UNDO"}
     filename_ext = ".npz"
     filter_glob: StringProperty(default="*.npz", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, _context):
+        return running is None
 
     def execute(self, context):
         try:
@@ -287,4 +321,4 @@ class Apply(Operator, ImportHelper):
         return {"FINISHED"} if count else {"CANCELLED"}
 
 
-CLASSES = [Baking, BakingFrom, Pieces, Stop, Checking, Select, Deleting, Export, Apply]
+CLASSES = [Baking, BakingFrom, Pieces, Stop, Checking, Select, Deleting, Export, ExportBake, Apply]

@@ -43,6 +43,15 @@ def _animation_of(thing):
     return data
 
 
+def leave_tweak_mode(scene):
+    """Makes all objects leave tweak mode; returns the names of those that were in it."""
+    things = [thing for thing in objects_of(scene).values()
+              if thing.animation_data and thing.animation_data.use_tweak_mode]
+    for thing in things:
+        _animation_of(thing)
+    return {thing.name_full for thing in things}
+
+
 def _parenting(thing):
     """Returns the keys of a state that tell of a parent."""
     if not thing.parent:
@@ -126,8 +135,7 @@ def shown(scene, kept=frozenset()):
 
     Drivers, tracks and constraints made since the bake stay. All objects leave tweak mode.
     """
-    for thing in objects_of(scene).values():
-        _animation_of(thing)
+    leave_tweak_mode(scene)
     things = [thing for thing in baked_things(scene) if thing.name_full not in kept]
     baked = [(thing, capture(thing), Snapshot(thing)) for thing in things]
     try:
@@ -171,7 +179,7 @@ class Actions:
         self._copies = {}
         # Names of actions, and handles of slots, for the next objects without an action of their own.
         self._room = []
-        # By name of an object: the name of its action, and the handle of its slot.
+        # By session UID of an object: the name of its action, and the handle of its slot.
         self._places = {}
         # The same as actions and slots, until `refresh`.
         self._found = {}
@@ -182,22 +190,23 @@ class Actions:
 
     def place_for(self, thing):
         """Returns the action and the slot for the keys of an object. It does not use them yet."""
-        if thing.name_full not in self._found:
-            self._found[thing.name_full] = self._place_for(thing)
-        return self._found[thing.name_full]
+        uid = thing.session_uid
+        if uid not in self._found:
+            self._found[uid] = self._place_for(thing)
+        return self._found[uid]
 
     def _place_for(self, thing):
-        found = _place_of(*self._places.get(thing.name_full, ("", 0)))
+        found = _place_of(*self._places.get(thing.session_uid, ("", 0)))
         if found:
             return found
         action, slot = prepare(thing)
         action, slot = self._copy(action, slot.handle) if slot else self._in_common(thing.name_full)
-        self._places[thing.name_full] = action.name, slot.handle
+        self._places[thing.session_uid] = action.name, slot.handle
         return action, slot
 
     def is_shown(self, thing):
         """Tells whether an object shows its keys of this bake."""
-        data, (name, _) = thing.animation_data, self._places[thing.name_full]
+        data, (name, _) = thing.animation_data, self._places[thing.session_uid]
         return data is not None and data.action is not None and data.action.name == name
 
     def _in_common(self, name):
@@ -400,7 +409,7 @@ def _new_action(thing, state):
     if not slot:
         action = bpy.data.actions.new(f"{thing.name_full}Action")
         slot = action.slots.new(id_type="OBJECT", name=thing.name_full)
-    elif _is_shared(thing, action, slot):
+    elif action.library or _is_shared(thing, action, slot):
         action, handle = action.copy(), slot.handle
         slot = _slot_with(action, handle)
     bag = bag_of(action, slot)

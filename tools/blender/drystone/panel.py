@@ -106,12 +106,14 @@ class More(ScenePanel, Panel):
         row = layout.row()
         row.operator(operators.Export.bl_idname, text="Export")
         row.operator(operators.Apply.bl_idname, text="Apply Bake")
+        row.operator(operators.ExportBake.bl_idname, text="Export Bake")
         text, is_wrong = versions(context)
         paragraph(layout, context, text, "ERROR" if is_wrong else "NONE")
 
 
 def in_export_menu(menu, _context):
     menu.layout.operator(operators.Export.bl_idname, text="Drystone Scene (.json)")
+    menu.layout.operator(operators.ExportBake.bl_idname, text="Drystone Bake (.usda)")
 
 
 def in_import_menu(menu, _context):

@@ -36,6 +36,11 @@ class Recording:
     def has_velocities(self):
         return len(self.velocities) == len(VELOCITIES)
 
+    def rename(self, names):
+        """Gives bodies other names; `names` has new ones by old ones."""
+        self.names = [names.get(name, name) for name in self.names]
+        self._places = {name: i for i, name in enumerate(self.names)}
+
     def place(self, name):
         """Returns the index of a body, or None."""
         return self._places.get(name)

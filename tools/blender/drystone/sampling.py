@@ -120,21 +120,51 @@ def followers(movers, things):
     its channels are in.
     """
     things, moving = [thing for thing in things if has_reason(thing)], set(movers)
-    if not things or not moving:
-        return set()
+
+    def settle():
+        # Blender's order has cycles between bodies and winds below them, which an update alone leaves late.
+        for thing in things:
+            thing.update_tag(refresh={"OBJECT"})
+        bpy.context.view_layer.update()
 
     def frames():
-        bpy.context.view_layer.update()
-        return np.array([thing.matrix_world @ thing.matrix_basis.inverted_safe() if thing in moving
-                         else thing.matrix_world for thing in things])
+        settle()
+        return {thing.name_full: np.array(thing.matrix_world @ thing.matrix_basis.inverted_safe()
+                                          if thing in moving else thing.matrix_world) for thing in things}
 
+    following = moved_by(movers, frames) if things else set()
+    settle()
+    return following
+
+
+def moved_by(movers, look):
+    """Returns the names of arrays that change with the places of movers; `look` returns arrays by name."""
+    if not movers:
+        return set()
     with with_values([of for thing in movers for of in thing.constraints], "enabled", False):
-        before = frames()
+        bpy.context.view_layer.update()
+        before = look()
         with displaced(movers):
-            after = frames()
+            after = look()
     bpy.context.view_layer.update()
-    apart = np.abs(after - before).max(axis=(1, 2)) > UNMOVED * (1 + np.abs(before).max(axis=(1, 2)))
-    return {thing.name_full for thing, follows in zip(things, apart) if follows}
+    return {name for name in before.keys() | after.keys() if _differ(before.get(name), after.get(name))}
+
+
+def _differ(one, other):
+    """Tells whether two arrays differ, or are not alike."""
+    if one is None or other is None or one.shape != other.shape:
+        return True
+    return one.size > 0 and bool(np.abs(other - one).max() > UNMOVED * (1 + np.abs(one).max()))
+
+
+def refers(thing):
+    """Tells whether vertices of an object may follow other objects: by modifiers, drivers or parents."""
+    data, keys = thing.data, getattr(thing.data, "shape_keys", None)
+    drivers = [of for owner in (thing, data, keys) if owner and owner.animation_data
+               for of in owner.animation_data.drivers]
+    outside = any(isinstance(getattr(of, key), bpy.types.ID) for of in thing.modifiers
+                  for key in of.bl_rna.properties.keys())
+    return bool(drivers) or outside or thing.type != "MESH" or thing.parent_type in ("ARMATURE", "LATTICE")
 
 
 class Sampling:

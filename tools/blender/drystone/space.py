@@ -88,8 +88,13 @@ def scene_with(uid):
     """Returns the scene with a session UID: undo replaces scenes, and users rename them."""
     found = next((scene for scene in bpy.data.scenes if scene.session_uid == uid), None)
     if found is None:
-        raise ValueError("the scene is gone")
+        raise ValueError("The scene was deleted: the work on it has ended.")
     return found
+
+
+def uid_of(thing):
+    """Returns the session UID of an object, which outlives its name; 0 for none."""
+    return thing.session_uid if thing else 0
 
 
 def _members(scene, key="collection"):

@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from mathutils import Quaternion, Vector
+from mathutils import Matrix, Quaternion, Vector
 
 from .channels import matrices, to_blender
 from .findings import CHANGED
 from .masses import joined, solid_of
-from .originals import baked_things, keys_until, last_key, shown_apart
+from .originals import baked_things, keys_until, last_key, leave_tweak_mode, shown_apart
 from .recordings import Recording
 from .sampling import in_order, with_values
-from .space import ORIGINAL, pose_of, rigid, time_step, turned, unturned, world_of
+from .space import (ORIGINAL, is_linked, pose_of, rigid, simulated, time_step, turned, unturned, world_of)
 
 # Largest distance of a key from a recording of the same bake. [m, or 1]
 SAME = 1e-4
@@ -20,6 +20,10 @@ REST = 0.5
 
 NO_ARRAYS = " with velocities from keys: the recording has none, as of a stopped bake or of an older drystone"
 NO_RECORDING = " with velocities from keys: no recording fits these"
+LINKED = " linked from another file: goes on from the recording, as it has no keys"
+UNRECORDED = " linked from another file: from its own place at this frame, as no recording fits the bake"
+NEW = " new since the bake: from the place and the velocity of their keys"
+ELSEWHERE = " new since the bake: from its own place, though Blender's own simulation shows it elsewhere"
 WHOLE = " that may have broken before: whole again, as no recording fits the bake"
 
 
@@ -42,6 +46,8 @@ class Start:
 
     def __init__(self, context, path, lets_sleep=False):
         scene = context.scene
+        # They still show the frame of their strip, and not that of their keys.
+        self.tweaked = leave_tweak_mode(scene)
         context.view_layer.update()
         self.frame, self.scene_start = scene.frame_current, scene.frame_start
         things = [thing for thing in baked_things(scene) if ORIGINAL in thing and "frame" in thing[ORIGINAL]]
@@ -59,15 +65,23 @@ class Start:
                               and thing.rigid_body.type == "PASSIVE")
         # Channels of objects that were moved by hand at this frame.
         self.moves = {thing.name_full: [*thing.location, *thing.rotation_quaternion]
-                      for thing in things if shown_apart(thing, self.frame)}
+                      for thing in things
+                      if thing.name_full not in self.tweaked and shown_apart(thing, self.frame)}
         # Keys before this frame, by name.
         past = {thing.name_full: keys_until(thing, self.frame) for thing in things}
         self.past = {name: keys for name, keys in past.items() if keys and all(map(len, keys.values()))}
+        # Active bodies that have no keys of the bake: those of other files, and new ones.
+        others = [thing for thing in simulated(scene).values()
+                  if thing.rigid_body.type == "ACTIVE" and thing not in things]
+        self.linked = {thing.name_full for thing in others if is_linked(thing)}
+        self.new = {thing.name_full for thing in others} - self.linked
         self.count = self.frame - self.first
         self.recording = Recording.read(path)
         if self.recording and not (self.recording.has_step(self.step) and len(self.recording.times) > self.count):
             self.recording = None
-        self._look(scene, things, (-1, 0, 1) if self.frame < keyed else (-1, 0))
+        if self.recording:
+            self.recording.rename(_names_now(things))
+        self._look(scene, things + others, (-1, 0, 1) if self.frame < keyed else (-1, 0))
 
     def _look(self, scene, things, steps):
         """Notes matrices that are shown now, and those of the keys around this frame."""
@@ -78,13 +92,26 @@ class Start:
                     scene.frame_set(self.frame + step)
                     self._around[step] = {thing.name_full: rigid(thing) for thing in things}
             scene.frame_set(self.frame)
+        names = self._now.keys() - self.linked - self.new
+        if any(self._recorded(name) is not None for name in names):
+            self._place_linked()
         self.states = {name: self._state(name) for name in self._now}
+
+    def _place_linked(self):
+        """Takes matrices of bodies from other files from the recording, as these have no keys."""
+        for name in self.linked:
+            place = self.recording.place(name)
+            for step in self._around if place is not None else ():
+                frame = min(self.count + step, len(self.recording.poses) - 1)
+                places, turns = to_blender(self.recording.poses[frame, place][None])
+                self._around[step][name] = Matrix.LocRotScale(places[0], Quaternion(turns[0]), None)
 
     def _state(self, name):
         place = self._recorded(name)
         still = all(np.ptp(rows[:, 1]) == 0 for rows in self.past.get(name, {}).values())
         if place is None or name in self.moves:
-            state = State(*pose_of(self._now[name]))
+            shown = self._around[0] if name in self.linked | self.new | self.tweaked else self._now
+            state = State(*pose_of(shown[name]))
         else:
             pose = self.recording.poses[self.count, place].tolist()
             state = State(pose[:3], pose[3:])
@@ -121,14 +148,28 @@ class Start:
         document["extras"]["frame_start"] = self.frame
         self.lets_sleep = self.lets_sleep and abilities.start_asleep and self._is_as_baked(document)
         guessed = [body["name"] for body in document["bodies"] if self._body(body, offset)]
-        if guessed:
-            recorded = self.recording and not self.recording.has_velocities
-            shot.findings.add(CHANGED, "object", NO_ARRAYS if recorded else NO_RECORDING, *guessed)
+        self._tell(shot, guessed)
         for joint in document.get("joints", []):
-            if not self.recording and "breaking" in joint:
+            if "breaking" in joint and joint["name"] not in (self.recording.joints if self.recording else ()):
                 shot.findings.add(CHANGED, "constraint", WHOLE, joint["name"])
             elif self.recording and 0 <= self.recording.joints.get(joint["name"], -1) <= self.count:
                 joint["enabled"] = False
+
+    def _tell(self, shot, guessed):
+        """Lists bodies that begin otherwise than by keys and recording; `guessed` have velocities from keys."""
+        free = {body["name"] for body in shot.document["bodies"]
+                if body["motion"] == "dynamic" and "track" not in body}
+        recorded = {name for name in self.linked if self._recorded(name) is not None}
+        apart = {name for name in self.new
+                 if np.abs(np.array(self._now[name]) - np.array(self._around[0][name])).max() > SAME}
+        without = self.recording and not self.recording.has_velocities
+        told = {NO_ARRAYS if without else NO_RECORDING: set(guessed) - self.new - (self.linked - recorded),
+                LINKED: recorded & free, UNRECORDED: (self.linked - recorded) & free,
+                NEW: self.new & set(guessed), ELSEWHERE: (self.new & apart & free) - set(guessed)}
+        for text, names in told.items():
+            listed = [body["name"] for body in shot.document["bodies"] if body["name"] in names]
+            if listed:
+                shot.findings.add(CHANGED, "object", text, *listed)
 
     def _is_as_baked(self, document):
         """Tells whether all that may bear a sleeper is there, and where it was: a sleeper would float without."""
@@ -166,9 +207,15 @@ class Start:
         if state.linear is not None:
             body |= {"linear_velocity": state.linear, "angular_velocity": state.angular}
             return False
+        if body["name"] in self.new and self._is_still(body["name"]):
+            return False
         # A body that leaves its keys at this frame has their velocity.
         body |= self._difference(body, 0 if keys else max(self._around))
         return True
+
+    def _is_still(self, name):
+        """Tells whether an object keeps its place around this frame."""
+        return all(around[name] == self._around[0][name] for around in self._around.values())
 
     def _difference(self, body, second):
         """Returns velocities from the keys of the frame before, and of this frame or the next one."""
@@ -190,6 +237,17 @@ class Start:
             self.recording.followed_by(later, self.count).write(path)
         else:
             path.unlink(missing_ok=True)
+
+
+def _names_now(things):
+    """Returns the names of baked objects by those at their bake."""
+    names = {}
+    for thing in things:
+        then = thing[ORIGINAL].get("name", thing.name_full)
+        # A duplicate has the name that its model had.
+        if then not in names or thing.name_full == then:
+            names[then] = thing.name_full
+    return names
 
 
 def _rotation_vector(turn):

@@ -104,6 +104,7 @@ def test_baked_contacts(program, folder):
         assert bool(len(values["frame"])) == (frame > 1) and (values["frame"] == frame).all(), frame
         if frame == 6:
             assert all(np.array_equal(values[key], before[key]) for key in values)
-    assert sorted(os.listdir(folder)) == ["Scene.contacts.npz", "Scene.json", "Scene.npz"], os.listdir(folder)
+    files = sorted(os.listdir(folder))
+    assert files == ["Scene.contacts.npz", "Scene.json", "Scene.npz", "Scene.scene.json"], files
     applying.delete_bake(scene)
     assert contacts.found(scene) is None

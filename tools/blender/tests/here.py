@@ -238,3 +238,122 @@ def test_stopped_and_gone_on(program, folder):
     bake = from_here(program, folder, min(last, 99), baking.Options(is_preview=True))
     assert not bake.error and {len(rows) for rows in keys_of(thing).values()} == {100}
     assert len(recordings.Recording.read(bake.whole).times) == 100
+
+
+def with_linked(folder, place):
+    """A scene with an active body from another file, beside one of its own; returns both."""
+    scene = stage(DOWN, LAST)
+    block("linked", place)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "other.blend"))
+    scene = stage(DOWN, LAST)
+    own = block("own", (0, 0, 40))
+    with bpy.data.libraries.load(str(folder / "other.blend"), link=True) as (_, target):
+        target.objects = ["linked"]
+    linked = target.objects[0]
+    scene.collection.objects.link(linked)
+    scene.rigidbody_world.collection.objects.link(linked)
+    bpy.context.view_layer.update()
+    return linked, own
+
+
+def body_of(bake, name):
+    return next(body for body in bake.shot.document["bodies"] if body["name"] == name)
+
+
+def test_linked_from_here(program, folder):
+    """A body from another file goes on from the recording; without one its place is told."""
+    for is_overridden in (False, True):
+        linked, _ = with_linked(folder, (9, 0, 40))
+        if is_overridden:
+            linked = linked.override_create(remap_local_usages=True)
+        name = linked.name_full
+        run, document, poses = full_bake(program, folder)
+        index = [body["name"] for body in document["bodies"]].index(name)
+        bake = from_here(program, folder, FRAME)
+        body = body_of(bake, name)
+        assert np.allclose(body["position"], poses[FRAME - 1, index, :3], atol=1e-5), body["position"]
+        assert body["linear_velocity"][1] < -5 and np.allclose(bake.keys.scene.frame_current, FRAME)
+        said = [line for line in lines(bake.shot) if "recording" in line]
+        assert said == ["1 object linked from another file: goes on from the recording, as it has no keys: "
+                        f"'{name}'"], lines(bake.shot)
+        again = recordings.Recording.read(bake.whole)
+        assert np.abs(again.poses[:, index] - poses[:, index]).max() < RECORDED
+        run.whole.unlink()
+        bake = from_here(program, folder, FRAME)
+        assert np.allclose(body_of(bake, name)["position"], (9, 40, 0), atol=1e-5)
+        assert "1 object linked from another file: from its own place at this frame, as no recording fits the " \
+            f"bake: '{name}'" in lines(bake.shot), lines(bake.shot)
+
+
+def test_new_from_here(program, folder):
+    """Bodies that are new since the bake start where their own keys and parents have them at the frame."""
+    scene = stage(DOWN, LAST)
+    block("own", (0, 0, 40))
+    full_bake(program, folder)
+    scene.frame_set(1)
+    thrown("released", (9, 0, 30), (18, 0, 30), release=10)
+    holder = bpy.data.objects.new("holder", None)
+    scene.collection.objects.link(holder)
+    for frame, x in ((1, 0), (30, 29)):
+        holder.location.x = x
+        holder.keyframe_insert("location", frame=frame)
+    for curve in curves_of(holder):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+    block("carried", (0, 20, 0)).parent = holder
+    block("dropped", (0, 40, 5))
+    waiting = block("waiting", (0, 60, 5), use_deactivation=True)
+    waiting.rigid_body.use_start_deactivated = True
+    scene.frame_set(1)
+    bake = from_here(program, folder, FRAME)
+    bodies = {body["name"]: body for body in bake.shot.document["bodies"]}
+    assert np.allclose(bodies["released"]["position"], (9 + 9 * 19 / 29, 30, 0), atol=1e-4), bodies["released"]
+    assert np.allclose(bodies["carried"]["position"], (19, 0, -20), atol=1e-4), bodies["carried"]
+    assert np.allclose(bodies["dropped"]["position"], (0, 5, -40)) and bodies["waiting"]["start_asleep"]
+    assert np.allclose(bodies["carried"]["linear_velocity"], (24, 0, 0), atol=1e-2)
+    said = lines(bake.shot)
+    assert "2 objects new since the bake: from the place and the velocity of their keys: 'released', 'carried'" \
+        in said and not any("dropped" in line for line in said), said
+    scene.frame_set(FRAME)
+    assert np.allclose(scene.objects["carried"].matrix_world.translation, (19, 20, 0), atol=1e-4)
+
+
+def test_renamed_since(program, folder):
+    """Bodies that exchange their names after a bake, or during it, go on from their own recording."""
+    for is_meanwhile in (False, True):
+        scene = stage(DOWN, LAST)
+        near, far = thrown("near", (0, 0, 30), (9, 0, 30), 6), thrown("far", (0, 20, 40), (3, 20, 40), 6)
+        scene.frame_set(1)
+        bake = baking.Bake(bpy.context, program, baking.Options(), folder)
+        bake.poll() if is_meanwhile else bake.finish()
+        near.name, far.name = "meanwhile", "near"
+        near.name = "far"
+        bake.finish()
+        for thing in (near, far):
+            assert len(keys_of(thing)) == 7, thing
+        with_velocities(bake.whole)
+        for frame in (FRAME, FRAME + 8):
+            whole = shown_poses(scene, ["near", "far"])
+            later = from_here(program, folder, frame)
+            assert not any("velocities from keys" in line for line in lines(later.shot)), lines(later.shot)
+            assert np.abs(shown_poses(scene, ["near", "far"]) - whole).max() < RECORDED
+        names = recordings.Recording.read(bake.whole).names
+        assert sorted(names) == ["far", "near"]
+        applying.delete_bake(scene)
+        scene.frame_set(1)
+        assert np.allclose(near.location, (0, 0, 30)) and np.allclose(far.location, (0, 20, 40))
+
+
+def test_renamed_joints(program, folder):
+    """A constraint that the recording does not know, as it was renamed, is told to be whole."""
+    scene = stage(DOWN, LAST)
+    post, crate = block("post", (0, 0, 5), "PASSIVE"), block("crate", (2, 0, 5))
+    glue = constrain("FIXED", post, crate, (1, 0, 5), name="glue", use_breaking=True, breaking_threshold=0.01)
+    full_bake(program, folder)
+    bake = from_here(program, folder, FRAME)
+    assert not any("whole again" in line for line in lines(bake.shot)), lines(bake.shot)
+    glue.name = "other"
+    bake = from_here(program, folder, FRAME)
+    assert "1 constraint that may have broken before: whole again, as no recording fits the bake: 'other'" \
+        in lines(bake.shot), lines(bake.shot)
+    assert scene

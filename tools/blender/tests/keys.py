@@ -5,7 +5,7 @@ import math
 import bpy
 import numpy as np
 from drystone import applying, baking, exporting, originals
-from drystone.curves import curves_of
+from drystone.curves import all_of, channelbags, curves_of
 from drystone.space import rigid
 from mathutils import Matrix
 
@@ -684,3 +684,165 @@ def test_undone_at_the_end(program, folder):
             undone = True
     assert undone and not run.error and originals.is_baked(bpy.data.objects["crate"])
     assert run.said[0] == "1 body baked" and len(curves_of(bpy.data.objects["crate"])) == 7
+
+
+def lifted(name, place):
+    """A crate that is keyed in a strip alone; returns it and its track."""
+    thing = tilted(name, place)
+    keyed(thing, "location", place, (place[0] + 4, place[1], place[2] + 2))
+    return thing, pushed_down(thing)
+
+
+def test_moved_with_strips(program, folder):
+    """A body of strips starts from these, though it was moved since; strips and place come back exactly."""
+    for how in ("plain", "muted", "solo"):
+        scene = empty(last=20)
+        ground()
+        crate, track = lifted("crate", (0, 0, 3))
+        if how == "muted":
+            track.mute = True
+            crate.location = (0, 0, 3)
+        track.is_solo = how == "solo"
+        scene.frame_set(1)
+        before, actions = state(crate), len(bpy.data.actions)
+        keys = everything(crate)
+        full_bake(program, folder)
+        crate.location = (7, 7, 7)
+        run, document, poses = full_bake(program, folder)
+        index = [body["name"] for body in document["bodies"]].index("crate")
+        wanted = (7, 7, -7) if how == "muted" else (0, 3, 0)
+        assert np.allclose(poses[0, index, :3], wanted, atol=1e-5), (how, poses[0, index])
+        scene.frame_set(9)
+        applying.delete_bake(scene)
+        scene.frame_set(1)
+        if how == "muted":
+            # Its rotation is that of the keys, which have 32 bits.
+            assert np.allclose(crate.rotation_euler, before["values"][2])
+            before["values"] = state(crate)["values"]
+            assert before["values"][1] == [7, 7, 7]
+        assert state(crate) == before, (how, state(crate), before)
+        assert everything(crate) == keys and len(bpy.data.actions) == actions, how
+
+
+def everything(thing):
+    """Returns all settings of the strips of an object, and their keys with handles."""
+    found = []
+    for track in thing.animation_data.nla_tracks:
+        for strip in track.strips:
+            settings = [(key, str(getattr(strip, key))) for key in strip.bl_rna.properties.keys()
+                        if isinstance(getattr(strip, key), (bool, int, float, str))]
+            bags = channelbags(strip.action, strip.action_slot)
+            curves = [(of.data_path, of.array_index, all_of(of)) for bag in bags for of in bag.fcurves]
+            found.append((track.name, strip.action.name, settings, curves))
+    return found
+
+
+def tweaked(thing, track):
+    """Enters tweak mode of the strip of a track; returns the curves in it."""
+    track.select = track.strips[0].select = True
+    data = thing.animation_data
+    data.nla_tracks.active = track
+    data.use_tweak_mode = True
+    assert data.use_tweak_mode
+    return {(of.data_path, of.array_index): of for of in curves_of(thing)}
+
+
+def test_strips_edited_in_tweak_mode(program, folder):
+    """Keys that are set, changed or removed in a strip while it is baked outlive the bake and its deletion."""
+    for ends in ("delete", "bake", "save", "here"):
+        scene = empty(last=20)
+        ground()
+        crate = tilted("crate", (0, 0, 3))
+        keyed(crate, "location", (0, 0, 3), (4, 0, 5))
+        keyed(crate, "delta_location", (0, 0, 0), (0, 1, 0))
+        keyed(crate, "scale", (1, 1, 1), (1, 1, 2))
+        track = pushed_down(crate)
+        own = track.strips[0].action.name
+        scene.frame_set(1)
+        actions = len(bpy.data.actions)
+        full_bake(program, folder)
+        curves = tweaked(crate, track)
+        curves["location", 0].keyframe_points[0].co.y = 1.5
+        curves["scale", 2].keyframe_points[1].co.y = 3
+        action = crate.animation_data.action
+        bag = channelbags(action, crate.animation_data.action_slot)[0]
+        bag.fcurves.remove(curves["scale", 1])
+        bag.fcurves.new("hide_render").keyframe_points.insert(5, 1)
+        if ends == "bake":
+            full_bake(program, folder)
+        elif ends == "here":
+            scene.frame_set(10)
+            baking.Bake(bpy.context, program, baking.Options(), folder, from_here=True).finish()
+            x, y, z = crate.matrix_world.translation
+            assert abs(x) < 0.5 and abs(y) < 0.5 and z < 3, (x, y, z)
+            assert not crate.animation_data.use_tweak_mode and len(curves_of(crate)[0].keyframe_points) == 20
+        elif ends == "save":
+            crate.animation_data.use_tweak_mode = False
+            bpy.ops.wm.save_as_mainfile(filepath=str(folder / "tweak.blend"))
+            bpy.ops.wm.open_mainfile(filepath=str(folder / "tweak.blend"))
+            scene, crate = bpy.context.scene, bpy.data.objects["crate"]
+        applying.delete_bake(scene)
+        strip = crate.animation_data.nla_tracks[0].strips[0]
+        assert strip.action.name == own and len(bpy.data.actions) == actions, (ends, strip.action.name)
+        curves = {(of.data_path, of.array_index): [point.co.y for point in of.keyframe_points]
+                  for bag in channelbags(strip.action, strip.action_slot) for of in bag.fcurves}
+        assert curves["location", 0] == [1.5, 4] and curves["scale", 2] == [1, 3], (ends, curves)
+        assert ("scale", 1) not in curves and curves["hide_render", 0] == [1], (ends, curves)
+        assert curves["delta_location", 1] == [0, 1] and curves["location", 2] == [3, 5], (ends, curves)
+
+
+def test_shared_strips_edited(program, folder):
+    """Two objects share the action of their strips: an edit by one is not undone by the copy of the other."""
+    scene = empty(last=20)
+    ground()
+    one, other = tilted("one", (0, 0, 3)), tilted("other", (5, 0, 3))
+    keyed(one, "delta_location", (0, 0, 0), (0, 1, 0))
+    keyed(one, "scale", (1, 1, 1), (1, 1, 2))
+    track = pushed_down(one)
+    action, slot = track.strips[0].action, track.strips[0].action_slot
+    strip = other.animation_data_create().nla_tracks.new().strips.new("shared", 1, action)
+    strip.action_slot = slot
+    scene.frame_set(1)
+    full_bake(program, folder)
+    tweaked(one, track)["scale", 2].keyframe_points[1].co.y = 3
+    applying.delete_bake(scene)
+    curves = [of for bag in channelbags(action, slot) for of in bag.fcurves if (of.data_path, of.array_index) ==
+              ("scale", 2)]
+    assert [point.co.y for point in curves[0].keyframe_points] == [1, 3]
+    assert one.animation_data.nla_tracks[0].strips[0].action == strip.action == action
+
+
+def linked_action(folder, name):
+    """Returns the action of a name, linked from a file that has the scene at hand."""
+    path = str(folder / f"{name}.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path, copy=True)
+    with bpy.data.libraries.load(path, link=True) as (_, target):
+        target.actions = [name]
+    return target.actions[0]
+
+
+def test_linked_actions_edited(program, folder):
+    """Edits of actions that are linked from another file are kept in local ones."""
+    scene = empty(last=20)
+    ground()
+    in_strip, direct = tilted("in strip", (0, 0, 3)), tilted("direct", (5, 0, 3))
+    for thing in (in_strip, direct):
+        keyed(thing, "delta_location", (0, 0, 0), (0, 1, 0))
+        keyed(thing, "scale", (1, 1, 1), (1, 1, 2))
+    track = pushed_down(in_strip)
+    strip, data = track.strips[0], direct.animation_data
+    handle = strip.action_slot.handle
+    strip.action = linked_action(folder, strip.action.name)
+    strip.action_slot = next(slot for slot in strip.action.slots if slot.handle == handle)
+    data.action = linked_action(folder, data.action.name)
+    data.action_slot = data.action.slots[0]
+    scene.frame_set(1)
+    full_bake(program, folder)
+    for curves in (tweaked(in_strip, track),
+                   {(of.data_path, of.array_index): of for of in curves_of(direct)}):
+        curves["scale", 2].keyframe_points[1].co.y = 3
+    applying.delete_bake(scene)
+    for action, slot in ((strip.action, strip.action_slot), (data.action, data.action_slot)):
+        heights = [[point.co.y for point in of.keyframe_points] for bag in channelbags(action, slot)
+                   for of in bag.fcurves if (of.data_path, of.array_index) == ("scale", 2)]
+        assert heights == [[1, 3]] and not action.library, (action, heights)

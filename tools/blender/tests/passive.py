@@ -266,3 +266,85 @@ def test_following_a_body(program, folder):
     assert np.allclose(below.matrix_world.translation, poses[-1, 2, :3] @ UP.T, atol=PLACE)
     applying.delete_bake(scene)
     assert deltas == [tuple(thing.delta_location) for thing in scene.objects] and below.parent == holder
+
+
+def hooked(thing, target):
+    """Lets all vertices of an object follow another one."""
+    hook = thing.modifiers.new("hook", "HOOK")
+    hook.object = target
+    hook.vertex_indices_set(range(len(thing.data.vertices)))
+    return hook
+
+
+def vertex_followers(crate):
+    """Passive objects whose vertices follow a crate, each in another way, and some that follow nobody."""
+    scene = bpy.context.scene
+    hooked(floor("hooked", (10, 0, 0)), crate)
+    hooked(floor("box", (20, 0, 0), collision_shape="BOX", use_deform=False), crate)
+    rig(floor("rigged", (30, 0, 0)))
+    follow = scene.objects["rig"].pose.bones["bone"].constraints.new("COPY_LOCATION")
+    follow.target = crate
+    lattice = bpy.data.objects.new("lattice", bpy.data.lattices.new("lattice"))
+    scene.collection.objects.link(lattice)
+    lattice.parent = crate
+    lattice.data.points[0].co_deform.x += 1
+    floor("in lattice", (0, 0, 5)).modifiers.new("lattice", "LATTICE").object = lattice
+    driven = floor("driven", (50, 0, 0))
+    rises(driven, 1.0)
+    driver = driven.data.shape_keys.key_blocks["up"].driver_add("value").driver
+    variable = driver.variables.new()
+    variable.type, driver.expression = "TRANSFORMS", variable.name
+    variable.targets[0].id, variable.targets[0].transform_type = crate, "LOC_X"
+    onto = floor("onto", (60, 0, 0), mesh_source="FINAL").modifiers.new("shrink", "SHRINKWRAP")
+    onto.target = crate
+    hooked(floor("base", (70, 0, 0), mesh_source="BASE"), crate)
+    still = bpy.data.objects.new("still", None)
+    scene.collection.objects.link(still)
+    hooked(floor("follows nobody", (80, 0, 0)), still)
+    rises(floor("rising", (90, 0, 0)), 1.0)
+
+
+def test_vertices_following_a_body(program, folder):
+    """Vertices that follow an active body are told by name: of passive objects, active ones and parts."""
+    for abilities in (FOLLOWS, exporting.Abilities()):
+        scene = stage(DOWN, 12)
+        crate = block("crate", (0, 0, 5))
+        vertex_followers(crate)
+        hooked(block("active", (0, 20, 0)), crate)
+        below = block("below a vertex", (0, 30, 0), "PASSIVE")
+        below.parent, below.parent_type = crate, "VERTEX"
+        plain = [tuple(thing.location) + tuple(thing.delta_location) for thing in scene.objects]
+        said = lines(exported(abilities))
+        assert "1 passive object following a body that the simulation moves: still, as at the first frame: " \
+            "'below a vertex'" in said, said
+        said = [line for line in said if "vertices that follow" in line]
+        tracked = "without that part of their motion"
+        names = "'hooked', 'rigged', 'in lattice', 'driven', 'onto'"
+        if abilities.vertex_track:
+            wanted = [f"5 passive objects with vertices that follow an active body: {tracked}: {names}",
+                      "1 passive object with vertices that follow an active body: as at the first frame: 'box'"]
+        else:
+            names = names.replace("'hooked', ", "'hooked', 'box', ")
+            wanted = [f"6 passive objects with vertices that follow an active body: as at the first frame: {names}"]
+        wanted.append("1 object with vertices that follow an active body: as at the first frame: 'active'")
+        assert sorted(said) == sorted(wanted), said
+        assert plain == [tuple(thing.location) + tuple(thing.delta_location) for thing in scene.objects]
+
+
+def test_instances_and_winds_following_a_body(program, folder):
+    """Instances on vertices that follow an active body are told, and winds that it turns."""
+    stage(DOWN, 12)
+    crate = block("crate", (0, 0, 5))
+    post = block("post", (0, 0, 0), "PASSIVE")
+    in_collection("posts", post)
+    bpy.ops.mesh.primitive_plane_add(size=4, location=(10, 0, 0))
+    host = bpy.context.object
+    host.name = "host"
+    hooked(host, crate)
+    nodes(host, object_node(post))
+    bpy.ops.object.effector_add(type="WIND", location=(20, 0, 0))
+    bpy.context.object.name = "wind"
+    bpy.context.object.parent = crate
+    said = lines(exported(exporting.Abilities(force=True)))
+    assert "1 instancer following a body that the simulation moves: still, as at the first frame: 'host'" in said
+    assert "1 wind following a body that the simulation moves: as at the first frame: 'wind'" in said, said
