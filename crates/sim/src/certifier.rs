@@ -29,6 +29,9 @@ pub(crate) struct Certifier<const L: usize, const A: usize> {
     /// Compliances of [`Stiffness`].
     compliances: Vec<[f32; 2]>,
     pub(crate) jam_schedule: JamSchedule,
+    /// Largest error of a substep of sweeps so far. To [name](Self::name_worst) its body costs more than a
+    /// step, so only those beyond get a name. \[m/s\]
+    pub(crate) worst_of_sweeps: f64,
     /// Two bodies with one contact manifold or joint, and memory for their residual.
     pair: System<f64, L, A>,
     scratch: CertificateScratch<L, A>,

@@ -458,7 +458,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let ConstraintSolver { lanes, joints, certifier, .. } = &mut self.solver;
         let (prospective, constraints) = (&self.scratch.prospective, (&*lanes, &joints.mechanisms));
         let outcome = certifier.certify_sweeps(&self.bodies.velocities, constraints, prospective);
-        self.report_solve(outcome, true, timer, report);
+        let known = &mut certifier.worst_of_sweeps;
+        let is_worst = outcome.error.total_cmp(known).is_gt();
+        *known = known.max(outcome.error);
+        self.report_solve(outcome, is_worst, timer, report);
     }
 
     /// Adds the outcome of a substep to the report. It names the body at fault if the substep may be
