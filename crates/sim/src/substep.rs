@@ -460,7 +460,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let outcome = certifier.certify_sweeps(&self.bodies.velocities, constraints, prospective);
         let known = &mut certifier.worst_of_sweeps;
         let is_worst = outcome.error.total_cmp(known).is_gt();
-        *known = known.max(outcome.error);
+        if outcome.error.is_finite() {
+            *known = known.max(outcome.error);
+        }
         self.report_solve(outcome, is_worst, timer, report);
     }
 

@@ -99,6 +99,8 @@ pub struct Checkpoint {
     memory: SolverMemory,
     /// Schedule of the searches for jams.
     jam_schedule: JamSchedule,
+    /// Largest error of a substep of sweeps so far: steps beyond name the body at fault. \[m/s\]
+    worst_of_sweeps: f64,
 }
 
 /// The [`Definitions`] of a world, if any. Comparisons ignore them, because the generations of
@@ -225,6 +227,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             joints: self.solver.joints.save(),
             memory: self.solver.certifier.island_solver.memory,
             jam_schedule: self.solver.certifier.jam_schedule,
+            worst_of_sweeps: self.solver.certifier.worst_of_sweeps,
         }
     }
 
@@ -303,6 +306,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             there(collider).then_some(Bounds { min, max })
         }));
         self.solver.certifier.jam_schedule = from.jam_schedule;
+        self.solver.certifier.worst_of_sweeps = from.worst_of_sweeps;
         self.solver.certifier.island_solver.memory = from.memory;
         self.restore_bodies(from);
         self.solver.lanes.forget();
