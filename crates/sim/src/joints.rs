@@ -243,8 +243,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let mut first = 0;
         for part in mechanisms.parts() {
             let masses = part.bodies().iter().map(|&body| bodies.mass(body as usize).linear);
-            let weight = masses.sum::<f64>() * gravity.max(LEAST_GRAVITY);
-            linkages.push(Linkage::new(&part, first, 1.0 / weight));
+            let numbers = [masses.sum(), gravity.max(LEAST_GRAVITY)];
+            linkages.push(Linkage::new(&part, first, numbers));
             first += part.joints.len();
         }
     }

@@ -12,7 +12,7 @@ use crate::world::World;
 const WIDE_TURN: f64 = 0.2;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
-    /// Keeps what a substep changes before its bodies move.
+    /// Keeps velocities and displacements, which a substep changes before its bodies move.
     pub(crate) fn keep_start(&mut self) {
         let start = &mut self.scratch.start;
         start.velocities.clone_from(&self.bodies.velocities);

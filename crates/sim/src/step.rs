@@ -81,7 +81,7 @@ impl Search {
 
     /// Returns the part of the step that has passed before this part, and that after it. \[1\]
     fn passed_before(&self) -> f32 {
-        1.0 - (self.left + self.due) as f32 * self.h / self.dt
+        (1.0 - (self.left + self.due) as f32 * self.h / self.dt).max(0.0)
     }
 
     fn passed(&self) -> f32 {

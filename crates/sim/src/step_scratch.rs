@@ -37,7 +37,7 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) impulses: ImpulseRecord<L, A>,
 }
 
-/// What a substep has changed before its bodies move, as it was before.
+/// Velocities and displacements at the start of a substep.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SubstepStart<const L: usize, const A: usize> {
     pub(crate) velocities: Vec<Velocity<f32, L, A>>,

@@ -311,7 +311,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         timer.lap(Stage::WarmStart);
         let with_residuals = plan.certified_substep == Some(substep);
         self.solve(plan, (substep, turning), with_residuals, timer, report);
-        // What has bounced or broken is not undone.
+        // Bounces and breaks are not undone.
         if self.solver.joints.snapped() > broken {
             if plan.may_end {
                 plan.params.substeps = substep + 1;

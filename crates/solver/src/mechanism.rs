@@ -323,7 +323,7 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
         self.renew_prepared(masses);
     }
 
-    /// As [`renew`](Self::renew), where the rows have their effective masses.
+    /// [Renews](Self::renew) a mechanism whose rows have their effective masses.
     pub fn renew_prepared(&mut self, masses: &[InverseMass<f32, L, A>]) {
         self.mechanism.renew(self.axes, masses);
     }

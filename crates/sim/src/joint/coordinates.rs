@@ -161,7 +161,7 @@ impl RowCoordinate {
     }
 }
 
-/// What stays of the frames of a joint while it moves.
+/// The frames of a joint when its bodies were joined, and the axis of its gears.
 #[derive(Clone, Debug)]
 pub(crate) struct JointOrigin {
     /// Frames a and b in the world when the bodies were joined.

@@ -65,7 +65,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) members: Vec<u32>,
     /// By joint: its bodies, as indices of members.
     sides: Vec<[usize; 2]>,
-    /// 1 / weight. \[1/N\]
+    /// Its mass, and 1 / weight. \[kg, 1/N\]
+    mass: f64,
     compliance: f64,
     /// Places of the members, now and as they will be at the end of the substep.
     here: Vec<Place>,
@@ -123,16 +124,21 @@ pub(crate) struct Aim<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> Linkage<L, A> {
-    /// Creates the linkage of a mechanism of these bodies, which a lock may hold with a give of
-    /// `compliance` \[1/N\].
-    pub(crate) fn new(part: &MechanismPart<'_, L, A>, first: usize, compliance: f64) -> Self {
+    /// Creates the linkage of a mechanism of this mass \[kg\] under `gravity` \[m/s^2\]. `first` is the
+    /// index of its first joint among those that act.
+    pub(crate) fn new(
+        part: &MechanismPart<'_, L, A>,
+        first: usize,
+        [mass, gravity]: [f64; 2],
+    ) -> Self {
         let members = part.bodies().to_vec();
         let (count, rows) = (members.len(), part.axes.len());
         Self {
             joints: first..first + part.joints.len(),
             members,
             sides: part.sides().collect(),
-            compliance,
+            mass,
+            compliance: 1.0 / (mass * gravity),
             here: vec![Place::ORIGIN; count],
             ahead: vec![Place::ORIGIN; count],
             expected: Vec::with_capacity(count),
@@ -251,12 +257,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             let inverse = f64::from(bodies.inverse_masses[body].linear);
             (inverse > 0.0).then(|| (1.0 / inverse, bodies.velocities[body]))
         };
-        let (mut mass, mut momentum) = (0.0, Vec3::ZERO);
-        for (own, velocity) in self.members.iter().filter_map(|&body| moving(body)) {
-            mass += own;
-            momentum += in_space(velocity.linear) * own;
+        let mut mean = Vec3::ZERO;
+        for (mass, velocity) in self.members.iter().filter_map(|&body| moving(body)) {
+            mean += in_space(velocity.linear) * (mass / self.mass);
         }
-        let mean = momentum * if mass > 0.0 { 1.0 / mass } else { 0.0 };
         let (mut largest, mut fastest) = (0.0f64, 0.0f64);
         for (sides, arms) in self.sides.iter().zip(&self.arms) {
             for (&side, arm) in sides.iter().zip(arms) {
@@ -448,13 +452,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         [prospective, velocities]: [&[Velocity<f32, L, A>]; 2],
         masses: &[InverseMass<f32, L, A>],
     ) -> bool {
-        let mass: f64 = self.members.iter().map(|&body| masses[body as usize].cast::<f64>()).fold(
-            0.0,
-            |sum, inverse: InverseMass<f64, L, A>| {
-                if inverse.linear > 0.0 { sum + 1.0 / inverse.linear } else { sum }
-            },
-        );
-        let least = |speed: f64| 0.5 * mass * speed * speed;
+        let least = |speed: f64| 0.5 * self.mass * speed * speed;
         // Locks that work less than this harm no mechanism, whatever its energy.
         let work = self.work(joints, part, [prospective, velocities]);
         if work <= least(LEAST_SPEED) {
