@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 
-from . import contacts
+from . import cache, contacts
 from .curves import set_keys
 from .exporting import channels_of
 from .moves import take_reparented
 from .originals import (Actions, assign, bag_of, baked_things, forget, remove_unused_actions, take_edits,
                         take_over)
-from .space import ORIGINAL, is_baked, objects_of, refuse_stretching, scene_with, time_step, uid_of
+from .recordings import BAKE, read_arrays, require
+from .space import ORIGINAL, first_frame, is_baked, objects_of, refuse_stretching, scene_with, time_step, uid_of
 
 # A step after which the window gets its turn.
 WAITING = "waiting"
@@ -37,8 +38,11 @@ def at_frames(times, poses, step):
 
 def read_bake(path):
     """Returns names, times and poses of a bake."""
-    with np.load(path, allow_pickle=False) as arrays:
-        poses, names, times = arrays["poses"], arrays["names"], arrays["times"]
+    arrays = read_arrays(path, *BAKE)
+    require(arrays, path, *BAKE)
+    names, times, poses = (arrays[name] for name in BAKE)
+    if not len(times):
+        raise ValueError(f"{path} has no frames")
     if poses.shape[2] != 7:
         raise ValueError(f"{path} is of a scene in the plane; accepted: bakes in 3D")
     return [str(name) for name in names], times, poses
@@ -46,8 +50,7 @@ def read_bake(path):
 
 def frames_in(path):
     """Returns the number of samples of a bake."""
-    with np.load(path, allow_pickle=False) as arrays:
-        return len(arrays["times"])
+    return len(read_arrays(path, "times")["times"])
 
 
 def _sign_after(past, turn):
@@ -70,9 +73,9 @@ class Keys:
         self.scene_uid = scene.session_uid
         # Users rename objects while a bake runs. So a name is that at the export, and leads to a session UID.
         self._uids = {name: thing.session_uid for name, thing in objects_of(scene).items()}
-        self.first = start.frame if start else scene.frame_start
-        # Number of frames of the scene before the first one of the bake, and keys of these, by name.
-        self.offset = self.first - scene.frame_start
+        self.first = start.frame if start else first_frame(scene)
+        # Number of frames of the simulation before the first one of the bake, and keys of these, by name.
+        self.offset = self.first - first_frame(scene)
         self.past = start.past if start else {}
         self.channels = channels
         self.actions = Actions()
@@ -188,7 +191,8 @@ def apply(context, path):
     for _ in keys.write(names, frames, poses):
         pass
     if keys.taken:
-        scene.frame_end = max(scene.frame_start + int(frames[-1]), scene.frame_start)
+        cache.remember(scene, path)
+        scene.frame_end = keys.first + int(frames[-1])
         keys.end(0)
         scene.frame_set(scene.frame_start)
     there = objects_of(scene)
@@ -198,6 +202,7 @@ def apply(context, path):
 def delete_bake(scene):
     """Restores all objects of a scene to their state before the bake; returns how many."""
     contacts.clear(scene)
+    cache.forget(scene)
     take_edits(scene)
     take_reparented(scene)
     things = baked_things(scene)

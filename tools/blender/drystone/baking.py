@@ -1,7 +1,6 @@
 """Bakes that run beside Blender, in small steps."""
 
 import shutil
-import tempfile
 import time
 import traceback
 from dataclasses import dataclass
@@ -11,10 +10,10 @@ import bpy
 
 from . import binary, contacts
 from .applying import WAITING, Keys, at_frames, frames_in, read_bake
+from .cache import baked_scene, journal_of, recording_of, remember, whole_of
 from .exporting import export, unselected
 from .findings import CHANGED, LEFT_OUT, counted
 from .space import scene_with
-from .stages import baked_scene
 from .start import Start
 
 # Longest work between two looks at the window. [s]
@@ -53,16 +52,10 @@ def duration(seconds):
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def folder_of(scene, cache):
-    """Returns the folder for the files of bakes, made if need be."""
-    saved = bpy.data.is_saved or not cache.startswith("//")
-    path = Path(bpy.path.abspath(cache)) if saved else Path(bpy.app.tempdir or tempfile.gettempdir()) / "drystone"
-    path.mkdir(parents=True, exist_ok=True)
-    return path
-
-
 def sentence_of(error):
     """Returns an error as a sentence. Those of the add-on's own are one; of others the console has more."""
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
     if isinstance(error, (OSError, ValueError)):
         return str(error)
     traceback.print_exception(error)
@@ -180,8 +173,9 @@ class Check(Work):
 
     def __init__(self, context, preference, options, folder, start=None):
         super().__init__(context, preference, options)
-        name = bpy.path.clean_name(context.scene.name)
-        self.scene_file = Path(folder) / (f"{name}.from.json" if start else f"{name}.json")
+        # The recording of the whole bake, beside the scene file; the bake at hand may be the later part of it.
+        self.whole = whole_of(context.scene, folder)
+        self.scene_file = self.whole.with_suffix(".from.json" if start else ".json")
         self.kept = unselected(context) if options.only_selected else frozenset()
         self.abilities = binary.abilities(self.program)
         self.shot = export(context, self.abilities, options.substeps, self.kept, start)
@@ -216,15 +210,18 @@ class Bake(Check):
     """A bake from export to keys. With `from_here`, of the frames from the current one on."""
 
     def __init__(self, context, preference, options, folder, resume=False, from_here=False):
-        whole = Path(folder) / f"{bpy.path.clean_name(context.scene.name)}.npz"
-        self.start = Start(context, whole, options.is_preview) if from_here else None
+        earlier = recording_of(context.scene, folder) if from_here else None
+        self.start = Start(context, earlier, options.is_preview) if from_here else None
         super().__init__(context, preference, options, folder, self.start)
-        # The recording of the whole bake, beside the scene file; the bake at hand may be the later part of it.
-        self.whole = whole
+        # Contacts of the frames before the bake at hand.
+        self.past_contacts = earlier.with_suffix(".contacts.npz") if earlier else None
         self.output = self.scene_file.with_suffix(".npz")
         self.preview = self.output.with_suffix(".preview.npz")
-        self.journal = Path(f"{self.output}.journal")
+        self.journal = journal_of(self.output)
         self.resume = resume and self.journal.exists()
+        self.is_anew = resume and not self.resume
+        # True if the journal is of another scene.
+        self.is_outdated = False
         self.keys = Keys(context.scene, self.shot.channels, self.start)
         self.total = self.shot.document["steps"] + 1
         self.step = self.shot.document["time_step"]
@@ -245,6 +242,11 @@ class Bake(Check):
     def remaining(self):
         """Returns the time to the end as far as it can be told, or None. [s]"""
         return self.done_after * (1 / self.progress - 1) if self.done else None
+
+    @property
+    def is_stopped(self):
+        """Tells whether the bake has ended early and can go on."""
+        return not self.start and not self.is_outdated and self.journal.exists()
 
     def progress_text(self):
         left = self.remaining
@@ -290,10 +292,10 @@ class Bake(Check):
 
     def _keep(self, baked):
         """Keeps the recording of the whole bake, shows its contacts, and removes other files."""
-        if self.start and baked and self.keys.frames:
-            self.start.merge(baked, self.whole)
         if self.keys.frames:
-            self._keep_scene(baked)
+            is_whole = self.start.merge(baked, self.whole) if self.start and baked else baked == self.output
+            remember(self.scene, self.whole if is_whole else None)
+            self._keep_scene(is_whole)
         if self.has_contacts and baked == self.output:
             self._show_contacts(self.whole.with_suffix(".contacts.npz"))
         else:
@@ -304,19 +306,20 @@ class Bake(Check):
             for file in (self.scene_file, self.output, self.journal, self.contacts):
                 file.unlink(missing_ok=True)
 
-    def _keep_scene(self, baked):
-        """Keeps the scene of a complete recording, as checks and other bakes write theirs."""
-        kept = baked_scene(self.whole)
-        if self.whole.exists() and (self.start or baked == self.output):
-            shutil.copyfile(self.scene_file, kept)
-        else:
-            kept.unlink(missing_ok=True)
+    def _keep_scene(self, is_whole):
+        """Keeps the scene of a whole recording, as checks and other bakes write theirs."""
+        if self.start and is_whole:
+            self.start.extend(self.shot.document)
+            self.shot.write(baked_scene(self.whole))
+        elif is_whole:
+            shutil.copyfile(self.scene_file, baked_scene(self.whole))
 
     def _show_contacts(self, whole):
         """Shows the contacts of the bake, after those before it, and keeps them."""
         names = [body["name"] for body in self.shot.document["bodies"]]
         found, first = contacts.read(self.contacts, names), self.keys.first
-        before = contacts.read(whole, []) if self.start and whole.exists() else None
+        past = self.past_contacts
+        before = contacts.read(past, []) if past and past.exists() else None
         if before and self.start.count < len(before["times"]):
             found, first = contacts.followed_by(before, found, self.start.count), self.start.first
         if first == self.keys.first and self.start:
@@ -367,18 +370,20 @@ class Bake(Check):
 
     def _summarize(self, code, output, messages):
         last = self.keys.first + self.keys.frames - 1
+        kept = [f"baked up to frame {last}"] if self.keys.frames else []
+        goes_on = ": Resume goes on" if self.is_stopped else ": Bake from Here goes on" if kept else ""
         if self.is_cancelled:
-            kept = f"stopped, baked up to frame {last}" if self.keys.frames else "stopped before the first frame"
-            goes_on = "Bake from Here" if self.start else "Resume"
-            self.said = [f"{kept}: {goes_on} goes on"]
+            self.said = [", ".join(["stopped", *(kept or ["before the first frame"])]) + goes_on]
         elif self.resume and "cannot be resumed" in messages:
-            self.error = "The scene has changed since the bake was stopped: bake it anew."
+            self.error, self.is_outdated = "The scene has changed since the bake was stopped: bake it anew.", True
             return
         elif code != 0:
-            self.error = "; ".join(binary.said_plainly(messages)) or f"drystone ended with code {code}"
+            self.error = "; ".join((binary.said_plainly(messages) or [f"drystone ended with code {code}"]) + kept)
+            self.error += goes_on if kept else ""
             return
         else:
             self.said = [f"{counted(len(self.keys.taken), 'body')} baked"]
+            self.said += ["no files of the stopped bake: baked from the first frame"] if self.is_anew else []
             self.said += [line for line in output.splitlines() if line.startswith(SAID)]
             self.said += binary.said_plainly(messages)
         self.said += [f"'{name}' is gone" for name in self.keys.missing()]

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from .recordings import write_arrays
+from .recordings import read_arrays, require, write_arrays
 
 NAME = "Drystone Contacts"
 # Mark of the object.
@@ -18,12 +18,9 @@ ARRAYS = ("offsets", "positions", "normals", "impulses", "speeds", "bodies", "ti
 
 def read(path, names):
     """Returns the arrays of a file of contacts of a bake whose bodies have these names."""
-    with np.load(path, allow_pickle=False) as arrays:
-        found = {key: np.asarray(arrays[key]) for key in ARRAYS if key in arrays}
-        found["names"] = np.asarray(arrays["names"]) if "names" in arrays else np.array(names, str)
-    missing = [key for key in ARRAYS if key not in found and key != "speeds"]
-    if missing:
-        raise ValueError(f"{path} has no array {missing[0]!r}; accepted: files of drystone bake --contacts")
+    found = read_arrays(path, *ARRAYS, "names")
+    require(found, path, *(name for name in ARRAYS if name != "speeds"))
+    found.setdefault("names", np.array(names, str))
     found.setdefault("speeds", np.zeros(len(found["positions"])))
     return found
 

@@ -23,12 +23,17 @@ def curves_of(owner):
     return [curve for bag in bags for curve in bag.fcurves]
 
 
+def drivers_of(owner):
+    """Returns the drivers of an object or a scene."""
+    return list(owner.animation_data.drivers) if owner.animation_data else []
+
+
 def paths_of(owner):
     """Returns the paths of all properties with keys or drivers, those of NLA strips included."""
     data = owner.animation_data
     if not data:
         return set()
-    curves = curves_of(owner) + list(data.drivers)
+    curves = curves_of(owner) + drivers_of(owner)
     for strip in (strip for track in data.nla_tracks for strip in track.strips):
         for bag in channelbags(strip.action, strip.action_slot):
             curves += bag.fcurves

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import dataclass, field
+from itertools import dropwhile
 from pathlib import Path
 
 import numpy as np
@@ -18,18 +19,19 @@ from .moves import show_moves, take_moves
 from .originals import take_edits
 from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
 from .shapes import ShapeExporter
-from .space import (compound_of, has_mass, is_baked, is_held, is_linked, is_sound, objects_of, pose_of,
-                    refuse_stretching, simulated, time_step, turned, unlinked, world_of)
-from .survey import survey
+from .space import (compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of, pose_of,
+                    refuse_stretching, simulated, time_step, turned, world_of)
+from .survey import survey, survey_unseen
 
 # Longest substep that is asked for. [s]
 SUBSTEP = 1 / 480
 # Largest rate of decay that Drystone takes: what is damped wholly. [1/s]
 STRONGEST = 1e6
-# Modifiers that move vertices and make none.
-DEFORMING = {"ARMATURE", "CAST", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM",
+# Modifiers that leave vertices as they are, and those that move vertices and make none.
+IDLE = {"COLLISION", "PARTICLE_SYSTEM", "SURFACE"}
+DEFORMING = {"ARMATURE", "CAST", "CLOTH", "CORRECTIVE_SMOOTH", "CURVE", "DISPLACE", "HOOK", "LAPLACIANDEFORM",
              "LAPLACIANSMOOTH", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "SHRINKWRAP", "SIMPLE_DEFORM", "SMOOTH",
-             "SURFACE_DEFORM", "WARP", "WAVE", "VOLUME_DISPLACE"}
+             "SOFT_BODY", "SURFACE_DEFORM", "WARP", "WAVE", "VOLUME_DISPLACE"}
 # Phrases of findings on objects that no bake can follow.
 FOLLOWING, AS_AT_FIRST = "following a body that the simulation moves", "still, as at the first frame"
 VERTICES, BESIDES = " with vertices that follow an active body", "without that part of their motion"
@@ -71,9 +73,16 @@ def decay(damping):
 
 
 def generating(things):
-    """Returns the modifiers that a collision shape with the source Deform leaves out."""
-    deformed = [thing for thing in things if thing.rigid_body.mesh_source == "DEFORM"]
-    return [of for thing in deformed for of in thing.modifiers if of.type not in DEFORMING]
+    """Returns the modifiers that a collision shape with the source Deform leaves out.
+
+    These are the first one that makes vertices, and all that change these later.
+    """
+    found = []
+    for thing in things:
+        shown = [of for of in thing.modifiers if of.show_viewport and of.type not in IDLE]
+        if thing.rigid_body.mesh_source == "DEFORM":
+            found += dropwhile(lambda of: of.type in DEFORMING, shown)
+    return found
 
 
 def bodies_of(scene):
@@ -167,11 +176,13 @@ class Exporter:
         return sound
 
     def export(self):
-        """Returns the whole scene; frame 0 of a bake is the first frame of Blender's range."""
+        """Returns the whole scene; frame 0 of a bake is that at which Blender's simulation starts."""
         bodies = [body for body in map(self.body, self.things) if body]
         bodies += [body for body in map(self.instance, self.instances) if body]
         if not bodies:
-            raise ValueError("no object has a rigid body that Drystone can bake")
+            survey(self.scene, simulated(self.scene), self.findings, self.sampling)
+            why = [found.sentence() for found in self.findings if found.kind == LEFT_OUT]
+            raise ValueError("; ".join(["no object has a rigid body that Drystone can bake", *why]))
         motions = {body["name"]: body["motion"] for body in bodies}
         joints = JointExporter(self.scene, motions, self.findings).joints
         channels = self.channels([thing for thing in self.things if motions.get(thing.name_full) == "dynamic"])
@@ -205,9 +216,9 @@ class Exporter:
             "name": scene.name,
             "gravity": turned(gravity),
             "time_step": step,
-            "steps": scene.frame_end - scene.frame_start,
+            "steps": scene.frame_end - first_frame(scene),
             "solver": {"substeps": self.substeps or max(8, math.ceil(step / SUBSTEP - 1e-9))},
-            "extras": {"frame_start": scene.frame_start},
+            "extras": {"frame_start": first_frame(scene)},
         }
 
     def motion(self, thing):
@@ -265,9 +276,10 @@ class Exporter:
         of, shapes = instance.thing.rigid_body, self.shapes.instance(instance.thing, instance.matrix)
         return self.described(instance.name, of, "static", instance.matrix, shapes) if shapes else None
 
-    @staticmethod
-    def described(name, of, motion, matrix, shapes):
+    def described(self, name, of, motion, matrix, shapes):
         """Returns the keys that all bodies have, from the settings of a rigid body."""
+        if of.restitution > 1:
+            self.findings.add(CHANGED, "object", " with a bounciness above 1: of 1", name)
         position, rotation = pose_of(matrix)
         layers = [f"layer {i + 1}" for i, on in enumerate(of.collision_collections) if on]
         return {
@@ -276,7 +288,7 @@ class Exporter:
             "position": position,
             "rotation": rotation,
             "friction": of.friction,
-            "restitution": of.restitution,
+            "restitution": min(of.restitution, 1.0),
             # Blender multiplies both.
             "friction_combine": "multiply",
             "restitution_combine": "multiply",
@@ -330,20 +342,21 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
     world_of(scene)
     if scene.frame_end < scene.frame_start:
         raise ValueError("the last frame of the scene is before its first")
+    if scene.frame_end < first_frame(scene):
+        raise ValueError(f"the simulation starts at frame {first_frame(scene)}, after the last frame of the scene: set "
+                         "Simulation Start in the cache of the rigid body world")
     refuse_stretching(scene)
     kept = kept | start.kept if start else kept
     take_edits(scene)
     moves = start.moves if start else take_moves(scene, kept)
     things, inside, findings = bodies_of(scene), simulated(scene), Findings()
-    for thing in unlinked(scene):
-        findings.add(CHANGED, "object", " in the rigid body world alone: part of the bake, as in Blender",
-                     thing.name_full)
+    survey_unseen(scene, inside, findings)
     with still(scene, kept):
         instances = instances_of(context.evaluated_depsgraph_get(), objects_of(scene), findings)
         left = generating([*inside.values(), *{each.thing for each in instances}])
         with with_values(left, "show_viewport", False):
             if left:
-                scene.frame_set(scene.frame_start)
+                scene.frame_set(first_frame(scene))
             exporter = Exporter(context, abilities, substeps, things, instances, kept, findings)
             shot = exporter.export()
             survey(scene, inside, findings, exporter.sampling, exporter.deforming.names)

@@ -4,7 +4,7 @@ from mathutils import Vector
 
 from .curves import animates
 from .findings import CHANGED, LEFT_OUT
-from .space import frames_per_second
+from .space import enabled, frames_per_second
 
 # Settings of a wind that blows the same everywhere, and always.
 STEADY = {"shape": ("PLANE", "POINT", "LINE"), "falloff_type": ("SPHERE",), "falloff_power": (0,),
@@ -12,21 +12,10 @@ STEADY = {"shape": ("PLANE", "POINT", "LINE"), "falloff_type": ("SPHERE",), "fal
           "use_absorption": (False,)}
 
 
-def _enabled(layer):
-    """Yields the objects that a layer of collections enables: neither excluded nor disabled in viewports."""
-    if layer.collection.hide_viewport:
-        return
-    if not layer.exclude:
-        yield from layer.collection.objects
-    for child in layer.children:
-        yield from _enabled(child)
-
-
 def fields(view_layer, weights):
     """Returns the objects with force fields that reach rigid bodies in Blender, those hidden by the eye included."""
     inside = set(weights.collection.all_objects) if weights.collection else None
-    things = dict.fromkeys(thing for thing in _enabled(view_layer.layer_collection) if not thing.hide_viewport)
-    things = [thing for thing in things if thing.field and thing.field.type != "NONE"]
+    things = [thing for thing in enabled(view_layer) if thing.field and thing.field.type != "NONE"]
     return [thing for thing in things if inside is None or thing in inside]
 
 

@@ -83,7 +83,11 @@ def _take_moves(scene, things, reparented, kept=frozenset()):
     moves, apart = {}, {}
     for thing in things:
         channels = _moved_to(thing, scene, thing.name in reparented)
-        if channels is None or _has_keys(thing):
+        if channels is None:
+            continue
+        if _has_keys(thing):
+            # Deltas move an object with keys.
+            thing[ORIGINAL]["values"] = _with_deltas(thing, thing[ORIGINAL].to_dict()["values"])
             continue
         place = Vector(channels[:3]) + thing.delta_location
         turn = (thing.delta_rotation_quaternion @ Quaternion(channels[3:])).normalized()

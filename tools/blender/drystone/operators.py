@@ -9,7 +9,8 @@ from bpy_extras.io_utils import ExportHelper, ImportHelper
 
 from . import binary
 from .applying import apply, delete_bake
-from .baking import Bake, Check, folder_of
+from .baking import Bake, Check, sentence_of
+from .cache import folder_of
 from .cutting import Cutting
 from .exporting import Abilities, export
 from .findings import counted
@@ -76,9 +77,9 @@ class Running:
         settings = context.scene.drystone
         try:
             running = self.make(context, preference(context), settings.options(),
-                                folder_of(context.scene, settings.cache))
-        except (OSError, ValueError) as error:
-            self.report({"ERROR"}, str(error))
+                                folder_of(settings.cache))
+        except Exception as error:  # Whatever it is, the user is told in a sentence.
+            self.report({"ERROR"}, sentence_of(error))
         return running is not None
 
     def _end(self, context):
@@ -109,7 +110,6 @@ class Baking(Running, Operator):
     def show(self, work):
         settings = work.scene.drystone
         settings.tell(work.said or [work.error])
-        settings.is_stopped = work.is_cancelled and not work.start
         for line in work.said:
             self.report({"INFO"}, line)
         return {"FINISHED"} if work.keys.taken else {"CANCELLED"}
@@ -254,9 +254,9 @@ class Export(Operator, ExportHelper):
         settings = context.scene.drystone
         try:
             shot = export(context, self._abilities(context), settings.substeps)
-            shot.write(self.filepath)
+            shot.write(bpy.path.abspath(self.filepath))
         except (OSError, ValueError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence_of(error))
             return {"CANCELLED"}
         settings.show(shot.findings)
         for finding in shot.findings:
@@ -287,11 +287,11 @@ class ExportBake(Operator, ExportHelper):
         return running is None and bool(baked_things(context.scene))
 
     def execute(self, context):
-        folder = folder_of(context.scene, context.scene.drystone.cache)
+        folder = folder_of(context.scene.drystone.cache)
         try:
-            write_stage(preference(context), folder, context.scene, self.filepath, self.instances)
+            write_stage(preference(context), folder, context.scene, bpy.path.abspath(self.filepath), self.instances)
         except (OSError, ValueError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence_of(error))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -311,9 +311,9 @@ class Apply(Operator, ImportHelper):
 
     def execute(self, context):
         try:
-            count, missing = apply(context, self.filepath)
+            count, missing = apply(context, bpy.path.abspath(self.filepath))
         except (OSError, ValueError, KeyError) as error:
-            self.report({"ERROR"}, str(error))
+            self.report({"ERROR"}, sentence_of(error))
             return {"CANCELLED"}
         for name in missing:
             self.report({"WARNING"}, f"no object is called '{name}'")

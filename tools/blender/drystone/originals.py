@@ -76,7 +76,7 @@ def capture(thing):
 
 def _using(action, slot):
     """Returns the keys of a state that tell of an action."""
-    return {"action": action, "slot": slot.identifier if slot else ""}
+    return {"action": action, "slot": slot.identifier if slot else "", "handle": slot.handle if slot else 0}
 
 
 def _restore_animation(thing, state):
@@ -159,9 +159,12 @@ def prepare(thing):
 
 
 def slot_of(state):
+    """Returns the slot of a state, also if it was renamed, or made anew under its name; None without one."""
     action = state.get("action")
-    slots = [slot for slot in action.slots if slot.identifier == state["slot"]] if action else []
-    return slots[0] if slots else None
+    if not action:
+        return None
+    named = (slot for slot in action.slots if slot.identifier == state["slot"])
+    return _slot_with(action, state.get("handle")) or next(named, None)
 
 
 class Actions:
@@ -175,7 +178,7 @@ class Actions:
     """
 
     def __init__(self):
-        # By name of an action: the names of its copies, each with the handles of the slots in use.
+        # By full name of an action: the names of its copies, each with the handles of the slots in use.
         self._copies = {}
         # Names of actions, and handles of slots, for the next objects without an action of their own.
         self._room = []
@@ -230,7 +233,7 @@ class Actions:
         return template
 
     def _copy(self, action, handle):
-        copies = self._copies.setdefault(action.name, {})
+        copies = self._copies.setdefault(action.name_full, {})
         free = [name for name, used in copies.items() if handle not in used and name in bpy.data.actions]
         copy = bpy.data.actions[free[0]] if free else self._marked(action.copy())
         if not free:
@@ -428,7 +431,7 @@ def _is_shared(thing, action, slot):
         data = other.animation_data
         if other != thing and (data and data.action == action and data.action_slot == slot or is_baked(other)
                                and other[ORIGINAL].get("action") == action
-                               and other[ORIGINAL]["slot"] == slot.identifier):
+                               and slot_of(other[ORIGINAL].to_dict()) == slot):
             return True
     return False
 

@@ -6,6 +6,7 @@ import bpy
 from bpy.types import Panel
 
 from . import binary, operators
+from .cache import can_resume
 from .findings import CHANGED, LEFT_OUT, PROBLEM
 from .settings import VERSION, preference
 
@@ -57,7 +58,7 @@ class Main(ScenePanel, Panel):
         layout.row().prop(settings, "quality", expand=True)
         layout.operator(operators.Baking.bl_idname, icon="PHYSICS")
         row = layout.row(align=True)
-        if settings.is_stopped:
+        if can_resume(context.scene, settings.cache):
             row.operator(operators.Baking.bl_idname, text="Resume").resume = True
         row.operator(operators.BakingFrom.bl_idname)
         row.operator(operators.Deleting.bl_idname)

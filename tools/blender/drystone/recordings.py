@@ -1,11 +1,15 @@
 """Recordings of bakes: arrays beside the keys, which later bakes begin from."""
 
 import os
+import zlib
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
 VELOCITIES = ("linear_velocities", "angular_velocities")
+# Arrays of every bake.
+BAKE = ("names", "times", "poses")
 
 
 class Recording:
@@ -26,8 +30,7 @@ class Recording:
     def read(cls, path):
         """Returns the recording in a file, or None if there is none of bodies in 3D."""
         try:
-            with np.load(path, allow_pickle=False) as arrays:
-                found = cls(arrays)
+            found = cls(read_arrays(path, *BAKE, *VELOCITIES, "joint_names", "joint_broken"))
         except (OSError, ValueError, KeyError):
             return None
         return found if found.poses.ndim == 3 and found.poses.shape[2] == 7 else None
@@ -87,6 +90,23 @@ class Recording:
             arrays |= {"joint_names": np.array(list(self.joints)),
                        "joint_broken": np.array(list(self.joints.values()), np.int64)}
         write_arrays(path, arrays)
+
+
+def read_arrays(path, *names):
+    """Returns the arrays of a file that have these names, as far as it has them; without names, all."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in arrays.files if name in names or not names}
+    # NumPy has no error of its own for a file that it cannot read.
+    except (BadZipFile, EOFError, TypeError, ValueError, zlib.error) as error:
+        raise ValueError(f"{path} is no file of Drystone, or not complete") from error
+
+
+def require(arrays, path, *names):
+    """Raises an error if arrays of a file are missing."""
+    missing = [name for name in names if name not in arrays]
+    if missing:
+        raise ValueError(f"{path} has no array {missing[0]!r}; accepted: files of drystone bake")
 
 
 def write_arrays(path, arrays):

@@ -7,8 +7,8 @@ import numpy as np
 from mathutils import Euler, Vector
 
 from . import originals
-from .curves import HOLDS, animates
-from .space import has_mass, is_baked, is_held, rigid_part, unlinked, world_of
+from .curves import HOLDS, animates, curves_of, drivers_of
+from .space import disabled, first_frame, has_mass, is_baked, is_held, rigid_part, world_of
 
 # Largest change of a pose that is none. [m, or 1]
 STILL = 1e-6
@@ -66,12 +66,18 @@ def in_order(scene):
     """Evaluates parents before their children, also between rigid bodies.
 
     Blender's order has cycles between these, and a body below another one may be a frame late. A world
-    without objects has no part in the order. Objects of the world alone are part of the scene meanwhile.
+    without objects has no part in the order. Objects that are evaluated for the world alone, as they are
+    excluded or disabled, are enabled meanwhile.
     """
     with ExitStack() as stack:
-        for thing in unlinked(scene):
+        things = disabled(scene)
+        for thing in set(things) - set(scene.collection.objects):
             scene.collection.objects.link(thing)
             stack.callback(scene.collection.objects.unlink, thing)
+        keys = [of for thing in things for of in curves_of(thing) + drivers_of(thing)
+                if of.data_path == "hide_viewport"]
+        stack.enter_context(with_values(keys, "mute", True))
+        stack.enter_context(with_values(things, "hide_viewport", False))
         stack.callback(reorder, scene)
         stack.enter_context(with_values([world_of(scene)], "collection", None))
         reorder(scene)
@@ -88,9 +94,9 @@ def still(scene, kept=frozenset()):
     world = world_of(scene)
     try:
         with with_values([world], "enabled", False), originals.shown(scene, kept):
-            scene.frame_set(scene.frame_start)
+            scene.frame_set(first_frame(scene))
             with in_order(scene):
-                scene.frame_set(scene.frame_start)
+                scene.frame_set(first_frame(scene))
                 yield
     finally:
         scene.frame_set(frame, subframe=subframe)
@@ -186,7 +192,8 @@ class Sampling:
         self.above = {thing.name_full: [] for thing in below}
         if self.tracks or below or looks:
             constraints = [of for thing in below for of in thing.constraints]
-            frames = range(scene.frame_start, scene.frame_end + 1)
+            first = first_frame(scene)
+            frames = range(first, max(first, scene.frame_end) + 1)
             if not (watched or below or looks or any(map(may_be_moved, suspects))):
                 frames = sorted({frames[round(part * (len(frames) - 1) / PARTS)] for part in range(PARTS + 1)})
             with with_values(constraints, "enabled", False):
@@ -232,7 +239,7 @@ class Sampling:
                 self.above[thing.name_full].append(np.array(above))
             for look in looks:
                 look()
-        scene.frame_set(scene.frame_start)
+        scene.frame_set(first_frame(scene))
 
     def _watch(self, thing):
         name, of = thing.name_full, thing.rigid_body

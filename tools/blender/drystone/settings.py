@@ -62,8 +62,6 @@ class Settings(PropertyGroup):
     findings: CollectionProperty(type=FoundLine)
     # Lines of the summary of the last bake.
     said: StringProperty()
-    # True if the last bake was stopped and can go on.
-    is_stopped: BoolProperty()
 
     def options(self):
         return Options(self.quality == "PREVIEW", self.substeps, self.tolerance, self.only_selected,

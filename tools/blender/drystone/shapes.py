@@ -17,6 +17,11 @@ OFF = 0.01
 ORIGIN = " with a mesh off its origin: the shape is around the mesh, in Blender around the origin"
 # Kinds of shapes that the bounding box sizes.
 ROUND = ("BOX", "SPHERE", "CYLINDER", "CAPSULE")
+# Axes along which shapes keep their form only with equal scales, and the relative difference that counts.
+EVEN = {"SPHERE": [0, 1, 2], "CAPSULE": [0, 1, 2], "CYLINDER": [0, 1]}
+UNEVEN = 0.01
+SCALED = " of a compound with a scale of its own: in this size, where Blender ignores it"
+SIZED = " with an uneven scale: as wide as the whole mesh, in Blender by the scale of one axis"
 
 
 def axes_of(points):
@@ -135,6 +140,8 @@ class ShapeExporter:
             if part.rigid_body and part.rigid_body.collision_shape == "COMPOUND":
                 shapes += self._parts(body, part, is_dynamic)
             elif part.rigid_body and is_sound(part):
+                if np.abs(np.abs(part.scale) - 1).max() > UNEVEN:
+                    self.findings.add(CHANGED, "object", SCALED, part.name_full)
                 shapes += self._one(part, is_dynamic, rigid(body).inverted() @ rigid(part))
             elif part.rigid_body:
                 self.left_out(part, "without a size or a place")
@@ -175,6 +182,9 @@ class ShapeExporter:
             return self.left_out(thing, "without a size or a place")
         if kind == "MESH" and not len(triangles):
             return self.left_out(thing, "without faces")
+        sizes = np.linalg.norm(stretch(thing, instance).to_3x3(), axis=0)[EVEN.get(kind, [0])]
+        if sizes.max() > (1 + UNEVEN) * sizes.min():
+            self.findings.add(CHANGED, "object", SIZED, thing.name_full)
         shape, middle = self._shape(thing, kind, points, triangles, is_dynamic)
         position, rotation = pose_of(place @ Matrix.Translation(middle))
         pose = {"position": position, "rotation": rotation}

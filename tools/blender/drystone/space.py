@@ -8,6 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from .curves import curves_of
+
 # Name of the custom property that holds the state of an object before its bake.
 ORIGINAL = "drystone"
 # Shortest and longest time of a frame that Drystone takes. [s]
@@ -60,12 +62,20 @@ def frames_per_second(scene):
 
 
 def time_step(scene):
-    """Returns the simulated time of a frame. [s]"""
+    """Returns the simulated time of a frame, by the speed at the first one. [s]"""
     speed, rate = world_of(scene).time_scale, frames_per_second(scene)
+    for curve in curves_of(scene):
+        if curve.data_path == "rigidbody_world.time_scale" and not curve.mute:
+            speed = curve.evaluate(first_frame(scene))
     if not SHORTEST <= speed / rate <= LONGEST:
         raise ValueError(f"Speed of the rigid body world is {speed:.6g}; accepted: from {SHORTEST * rate:.6g} to "
                          f"{LONGEST * rate:.6g} at {rate:.6g} frames per second")
     return speed / rate
+
+
+def first_frame(scene):
+    """Returns the frame at which the simulation starts: in Blender that of its cache, if it comes later."""
+    return max(scene.frame_start, world_of(scene).point_cache.frame_start)
 
 
 def refuse_stretching(scene):
@@ -108,6 +118,28 @@ def unlinked(scene):
     shown = set(scene.objects)
     members = dict.fromkeys(_members(scene) + _members(scene, "constraints"))
     return [thing for thing in members if thing not in shown]
+
+
+def _inside(layer):
+    """Yields the objects that a layer of collections enables: neither excluded nor disabled in viewports."""
+    if layer.collection.hide_viewport:
+        return
+    if not layer.exclude:
+        yield from layer.collection.objects
+    for child in layer.children:
+        yield from _inside(child)
+
+
+def enabled(view_layer):
+    """Returns the objects that a view layer evaluates, those hidden by the eye included."""
+    return list(dict.fromkeys(thing for thing in _inside(view_layer.layer_collection) if not thing.hide_viewport))
+
+
+def disabled(scene):
+    """Returns the bodies and constraints that the view layer evaluates for Blender's own simulation alone."""
+    there = set(enabled(bpy.context.view_layer))
+    members = dict.fromkeys(_members(scene) + _members(scene, "constraints"))
+    return [thing for thing in members if thing not in there]
 
 
 def objects_of(scene):

@@ -11,7 +11,7 @@ from .masses import joined, solid_of
 from .originals import baked_things, keys_until, last_key, leave_tweak_mode, shown_apart
 from .recordings import Recording
 from .sampling import in_order, with_values
-from .space import (ORIGINAL, is_linked, pose_of, rigid, simulated, time_step, turned, unturned, world_of)
+from .space import (ORIGINAL, first_frame, is_linked, pose_of, rigid, simulated, time_step, turned, unturned, world_of)
 
 # Largest distance of a key from a recording of the same bake. [m, or 1]
 SAME = 1e-4
@@ -49,12 +49,12 @@ class Start:
         # They still show the frame of their strip, and not that of their keys.
         self.tweaked = leave_tweak_mode(scene)
         context.view_layer.update()
-        self.frame, self.scene_start = scene.frame_current, scene.frame_start
+        self.frame, self.scene_start = scene.frame_current, first_frame(scene)
         things = [thing for thing in baked_things(scene) if ORIGINAL in thing and "frame" in thing[ORIGINAL]]
         self.step, self.lets_sleep = time_step(scene), lets_sleep
         if not things:
             raise ValueError("Bake from Here goes on with a bake, and no object has one: bake first")
-        self.first = max(min(thing[ORIGINAL]["frame"] for thing in things), scene.frame_start)
+        self.first = max(min(thing[ORIGINAL]["frame"] for thing in things), self.scene_start)
         keyed = max(map(last_key, things))
         last = min(keyed, scene.frame_end - 1)
         if not self.first < self.frame <= last:
@@ -76,7 +76,9 @@ class Start:
         self.linked = {thing.name_full for thing in others if is_linked(thing)}
         self.new = {thing.name_full for thing in others} - self.linked
         self.count = self.frame - self.first
-        self.recording = Recording.read(path)
+        # Shapes that deform, with their vertices at all frames of the simulation.
+        self._vertices = []
+        self.recording = Recording.read(path) if path else None
         if self.recording and not (self.recording.has_step(self.step) and len(self.recording.times) > self.count):
             self.recording = None
         if self.recording:
@@ -189,6 +191,7 @@ class Start:
         for shape in body["shapes"]:
             track = shape.get("vertex_track")
             if track:
+                self._vertices.append((shape, track["points"]))
                 shape["vertex_track"] = {"times": track["times"][:len(track["times"]) - offset],
                                          "points": track["points"][offset:]}
         keys = body.pop("track", [])[offset:]
@@ -227,16 +230,19 @@ class Start:
         linear = (other @ center - one @ center) / time
         return {"linear_velocity": turned(linear), "angular_velocity": turned(spin)}
 
-    def merge(self, recording, path):
-        """Writes the earlier recording up to this frame, and a later one from it on.
+    def extend(self, document):
+        """Makes the scene of the later part one of the whole recording, which begins earlier."""
+        document["extras"]["frame_start"] = self.first
+        for shape, points in ((shape, points) for shape, points in self._vertices if "vertex_track" in shape):
+            points = points[self.first - self.scene_start:]
+            shape["vertex_track"] = {"times": [i * self.step for i in range(len(points))], "points": points}
 
-        Without an earlier one there is none of the whole, so that the file is removed.
-        """
+    def merge(self, recording, path):
+        """Writes the earlier recording up to this frame, and a later one from it on; tells whether there are both."""
         later = Recording.read(recording)
         if later and self.recording:
             self.recording.followed_by(later, self.count).write(path)
-        else:
-            path.unlink(missing_ok=True)
+        return bool(later and self.recording)
 
 
 def _names_now(things):

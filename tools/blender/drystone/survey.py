@@ -1,9 +1,9 @@
 """Survey of a scene: all that a bake does not take over, beside bodies, joints and force fields."""
 
-from .curves import HOLDS, animates, paths_of
+from .curves import HOLDS, TRANSFORMS, animates, paths_of
 from .findings import CHANGED, LEFT_OUT
 from .sampling import may_move
-from .space import compound_of, objects_of
+from .space import compound_of, first_frame, objects_of, unlinked
 
 # Physics of modifiers that rigid bodies of a bake do not feel.
 OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC_PAINT": "dynamic paint"}
@@ -11,21 +11,46 @@ OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC
 WORLD = ("gravity", "use_gravity", "rigidbody_world")
 
 
+def survey_unseen(scene, inside, findings):
+    """Notes bodies that the scene does not show, before it is shown still."""
+    alone = unlinked(scene)
+    for thing in alone:
+        findings.add(CHANGED, "object", " in the rigid body world alone: part of the bake, as in Blender",
+                     thing.name_full)
+    for name, thing in inside.items():
+        if thing not in alone and not thing.visible_get():
+            findings.add(CHANGED, "object", " hidden or excluded: part of the bake, as in Blender", name)
+
+
 def survey(scene, inside, findings, sampling, deforming=frozenset()):
     """Notes what a bake of a scene leaves out or has otherwise; `inside` has what Blender simulates, by name.
 
     `deforming` has the names of objects whose vertices the bake follows.
     """
+    led = _led(scene, inside)
     for name, thing in objects_of(scene).items():
         if thing.rigid_body and name not in inside:
             findings.add(LEFT_OUT, "object", " outside of the rigid body world's collection: left out", name)
         elif thing.rigid_body:
             _body(thing, inside, findings, sampling.is_resized(name), name in deforming)
+            if name in led:
+                findings.add(CHANGED, "object", " with keys before the simulation starts: still until then", name)
         _others(thing, findings)
+    first = first_frame(scene)
+    if first > scene.frame_start:
+        findings.add(CHANGED, "scene", f" whose simulation starts at frame {first}: baked from there, as in Blender",
+                     scene.name)
     paths = paths_of(scene)
     if any(path.startswith(WORLD) for path in paths):
         findings.add(CHANGED, "scene", " with keys of gravity or rigid body world: the values at the first frame "
                      "hold", scene.name)
+
+
+def _led(scene, inside):
+    """Returns the names of objects whose own keys a bake replaces before the simulation starts."""
+    if first_frame(scene) <= scene.frame_start:
+        return set()
+    return {name for name, thing in inside.items() if may_move(thing) and animates(thing, *TRANSFORMS)}
 
 
 def _body(thing, inside, findings, is_resized, is_followed):
@@ -37,8 +62,6 @@ def _body(thing, inside, findings, is_resized, is_followed):
     compound = compound_of(thing)
     if compound and compound.name_full not in inside:
         findings.add(LEFT_OUT, "object", " of a compound that is no body of the bake: left out", thing.name_full)
-    if not thing.visible_get():
-        changed(" hidden or excluded: part of the bake, as in Blender")
     if any(path.startswith("rigid_body.") and path not in HOLDS for path in paths_of(thing)):
         changed(" with keys of rigid body settings: the values at the first frame hold")
     if animates(thing, "scale", "delta_scale") and not is_followed:

@@ -9,7 +9,7 @@ import numpy as np
 from drystone import applying
 
 from .common import (DOWN, PLACE, TURN, UP, add, bake, block, constrain, cube, differences, empty, export, full_bake,
-                     lines, stage)
+                     in_blender, lines, stage)
 
 
 def all_shapes():
@@ -207,3 +207,51 @@ def test_in_the_world_alone(program, folder):
                                "'lift', 'hangs', 'joint'"], lines(run.shot)
     assert "drystone" in hangs and hangs.name not in scene.objects and crate.name in scene.objects
     assert applying.delete_bake(scene) == 2 and "drystone" not in hangs
+
+
+def test_sources_as_in_blender(program, folder):
+    """A crate rests as high as in Blender. The source Deform ends at the first modifier that makes vertices."""
+    for source in ("BASE", "DEFORM", "FINAL"):
+        for kinds in (("BEVEL", "DISPLACE"), ("DISPLACE", "BEVEL"), ("DISPLACE", "COLLISION")):
+            scene = empty(last=60)
+            floor = add(cube(1, (0, 0, -0.5)), "PASSIVE", "BOX", "floor")
+            floor.scale = (20, 20, 1)
+            crate = add(cube(1, (0, 0, 2)), "ACTIVE", "CONVEX_HULL", "crate", mesh_source=source)
+            for kind in kinds:
+                modifier = crate.modifiers.new(kind, kind)
+                if kind == "DISPLACE":
+                    modifier.mid_level, modifier.strength = 0, 1
+                elif kind == "BEVEL":
+                    modifier.width = 0.01
+            bpy.context.view_layer.update()
+            blender = in_blender()[-1, 0, 2, 3]
+            full_bake(program, folder)
+            scene.frame_set(60)
+            height = crate.matrix_world.translation.z
+            assert abs(height - blender) < 0.01, (source, kinds, height, blender)
+            assert all(modifier.show_viewport for modifier in crate.modifiers)
+
+
+def test_uneven_sizes_are_told(_program, folder):
+    """Round shapes of uneven scale and scaled parts of compounds are as one sees them; Blender has them otherwise."""
+    empty(last=3)
+    things = {}
+    for i, (shape, scale) in enumerate((("CYLINDER", (1, 1, 2)), ("CYLINDER", (1, 2, 1)), ("SPHERE", (1, 1, 2)),
+                                        ("SPHERE", (-2, 2, 2)), ("CAPSULE", (1, 1, 2)), ("BOX", (1, 2, 3)))):
+        thing = add(cube(1, (5 * i, 0, 3)), "ACTIVE", shape, f"{shape} {scale}")
+        thing.scale = scale
+        things[thing.name] = thing
+    whole = add(cube(1, (0, 9, 3)), "ACTIVE", "COMPOUND", "whole")
+    whole.scale = (2, 2, 2)
+    for name, size in (("even", 1), ("small", 0.5)):
+        part = add(cube(1, (0, 0, 0)), "ACTIVE", "BOX", name)
+        part.parent, part.scale = whole, (size, size, size)
+    bpy.context.view_layer.update()
+    shot = export(folder / "scene.json")
+    assert lines(shot) == [
+        "3 objects with an uneven scale: as wide as the whole mesh, in Blender by the scale of one axis: "
+        "'CYLINDER (1, 2, 1)', 'SPHERE (1, 1, 2)', 'CAPSULE (1, 1, 2)'",
+        "1 object of a compound with a scale of its own: in this size, where Blender ignores it: 'small'"], lines(shot)
+    shapes = {body["name"]: body["shapes"] for body in shot.document["bodies"]}
+    assert shapes["SPHERE (1, 1, 2)"][0]["radius"] == 1
+    assert [shape["half_extents"] for shape in shapes["whole"]] == [[1, 1, 1], [0.5, 0.5, 0.5]]

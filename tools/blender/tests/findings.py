@@ -254,11 +254,11 @@ def test_sources_and_compounds(_program, _folder):
     empty(last=12)
     for i, source in enumerate(("BASE", "DEFORM", "FINAL")):
         thing = block(source, (4 * i, 0, 2), mesh_source=source)
-        thing.modifiers.new("Array", "ARRAY").count = 3
         thing.modifiers.new("Cast", "CAST").factor = 0
         thing.modifiers["Cast"].use_x = True
         displace = thing.modifiers.new("Displace", "DISPLACE")
         displace.direction, displace.strength = "X", 1.0
+        thing.modifiers.new("Array", "ARRAY").count = 3
     outer = add(cube(0.3, (0, 5, 2)), "ACTIVE", "COMPOUND", "outer")
     inner = add(cube(0.3, (1, 5, 2)), "ACTIVE", "COMPOUND", "inner")
     inner.parent, inner.matrix_parent_inverse = outer, outer.matrix_world.inverted()

@@ -254,3 +254,26 @@ def bag_of(thing):
     """Returns the F-curves of an object, to be changed."""
     data = thing.animation_data
     return data.action.layers[0].strips[0].channelbag(data.action_slot).fcurves
+
+
+def test_unexpected_error_at_the_start(program, folder):
+    """An error that nobody has foreseen, before a bake begins, is told in a sentence; the next bake can begin."""
+    import drystone
+
+    drystone.register()
+    own, preference, operators.preference = operators.Bake, operators.preference, lambda _context: program
+    try:
+        stage(DOWN, 6)
+        block("crate", (0, 0, 3))
+        bpy.context.scene.drystone.cache = str(folder)
+        operators.Bake = lambda *_: 1 / 0
+        try:
+            bpy.ops.drystone.bake()
+            assert False, "no error"
+        except RuntimeError as error:
+            assert "An error of the add-on ended the work (ZeroDivisionError: " in str(error), error
+        operators.Bake = own
+        assert bpy.ops.drystone.bake() == {"FINISHED"}
+    finally:
+        operators.Bake, operators.preference = own, preference
+        drystone.unregister()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import bpy
 import numpy as np
-from drystone import applying, baking, binary, cutting, operators
+from drystone import applying, baking, binary, cache, cutting, operators
 from drystone.curves import curves_of
 
 from .common import DOWN, LONG, block, full_bake, heap, midway, stage
@@ -124,8 +124,8 @@ def test_settings(program, folder):
     run, _, _ = full_bake(program, folder, baking.Options(tolerance=0.25))
     assert "within 0.250 mm/s" in run.said[1], run.said
     scene = bpy.context.scene
-    assert baking.folder_of(scene, str(folder / "cache")) == folder / "cache" and (folder / "cache").is_dir()
-    assert baking.folder_of(scene, "//cache").is_dir()
+    assert cache.folder_of(str(folder / "cache")) == folder / "cache" and (folder / "cache").is_dir()
+    assert cache.folder_of("//cache").is_dir()
 
 
 def test_progress(program, folder):

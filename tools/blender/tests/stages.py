@@ -41,14 +41,14 @@ def test_instances(program, folder):
     full_bake(program, folder)
     single, several = written(program, folder, False), written(program, folder, True)
     assert "PointInstancer" not in single and several.count("def PointInstancer") == 1
-    assert len(several) < len(single) and frames_of(single) == frames_of(several) == 23
+    assert len(several) < len(single) and frames_of(single) == frames_of(several) == 24
     block("later", (0, 0, 30))
     baking.Check(bpy.context, program, baking.Options(), folder).finish()
     assert written(program, folder, True) == several
     scene.frame_set(10)
     from_here(program, folder, 10)
     text = written(program, folder, True)
-    assert frames_of(text) == 23 and "later" in text
+    assert frames_of(text) == 24 and "later" in text
 
 
 def test_incomplete(program, folder):
