@@ -1,9 +1,8 @@
 //! Sparse Cholesky factorization of symmetric block matrices with one row of blocks per body.
 //!
-//! Bodies are eliminated in minimum-degree order (Tinney and Walker 1967), so that a chain costs as
-//! much as its length, and a wall not much more. Only indices decide the order: equal input gives
-//! equal bits.
+//! [`Elimination`] has the order.
 
+use crate::elimination::Elimination;
 use crate::registers::with_best_registers;
 
 /// A symmetric block matrix A; after [`factor`](Self::factor) its U of A = U^T U.
@@ -35,27 +34,16 @@ impl BlockMatrix {
     /// Creates a zero matrix of `rows` by `rows` blocks of `size` by `size` numbers. It has room
     /// for the blocks of these pairs of rows and for the fill-in of the elimination.
     pub(crate) fn new(size: usize, rows: usize, pairs: impl Iterator<Item = [u32; 2]>) -> Self {
-        let mut neighbors: Vec<Vec<u32>> = vec![Vec::new(); rows];
-        for [a, b] in pairs {
+        let mut neighbors = vec![Vec::new(); rows];
+        for [a, b] in pairs.filter(|[a, b]| a != b) {
             neighbors[a as usize].push(b);
             neighbors[b as usize].push(a);
         }
-        for (row, list) in neighbors.iter_mut().enumerate() {
-            list.sort_unstable();
-            list.dedup();
-            list.retain(|&other| other as usize != row);
-        }
-        let (order, columns) = eliminate(neighbors);
-        let mut place = vec![0; rows];
-        for (when, &row) in order.iter().enumerate() {
-            place[row as usize] = when as u32;
-        }
+        let Elimination { order, place, later } = Elimination::of(neighbors);
         let (mut starts, mut entries) = (vec![0], Vec::new());
-        for (when, column) in columns.iter().enumerate() {
-            entries.push(when as u32);
-            let first = entries.len();
-            entries.extend(column.iter().map(|&row| place[row as usize]));
-            entries[first..].sort_unstable();
+        for (step, later) in (0..).zip(later) {
+            entries.push(step);
+            entries.extend(later);
             starts.push(entries.len());
         }
         let values = vec![0.0; entries.len() * size * size];
@@ -247,49 +235,6 @@ impl BlockMatrix {
                 own[i] *= diagonal[i][i];
             }
             y[column] = own;
-        }
-    }
-}
-
-/// Eliminates the rows, each time the one with the fewest remaining neighbors, and the lowest of
-/// these. Its neighbors become neighbors of each other. Returns the order, and the neighbors of
-/// each row at its elimination.
-fn eliminate(mut neighbors: Vec<Vec<u32>>) -> (Vec<u32>, Vec<Vec<u32>>) {
-    let count = neighbors.len();
-    let mut queue: std::collections::BTreeSet<(usize, u32)> =
-        neighbors.iter().enumerate().map(|(row, list)| (list.len(), row as u32)).collect();
-    let (mut order, mut columns) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    let mut merged = Vec::new();
-    while let Some((_, row)) = queue.pop_first() {
-        let clique = std::mem::take(&mut neighbors[row as usize]);
-        for &other in &clique {
-            let list = &mut neighbors[other as usize];
-            queue.remove(&(list.len(), other));
-            merged.clear();
-            merge(list, &clique, |each| each != row && each != other, &mut merged);
-            std::mem::swap(list, &mut merged);
-            queue.insert((list.len(), other));
-        }
-        order.push(row);
-        columns.push(clique);
-    }
-    (order, columns)
-}
-
-/// Merges two sorted lists, and leaves out what `keep` rejects.
-fn merge(a: &[u32], b: &[u32], keep: impl Fn(u32) -> bool, out: &mut Vec<u32>) {
-    let (mut i, mut j) = (0, 0);
-    while i < a.len() || j < b.len() {
-        let next = match (a.get(i), b.get(j)) {
-            (Some(&x), Some(&y)) => x.min(y),
-            (Some(&x), None) => x,
-            (None, Some(&y)) => y,
-            (None, None) => break,
-        };
-        i += usize::from(a.get(i) == Some(&next));
-        j += usize::from(b.get(j) == Some(&next));
-        if keep(next) {
-            out.push(next);
         }
     }
 }

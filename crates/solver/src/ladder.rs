@@ -74,7 +74,7 @@ impl Method {
             Self::Nncg => nncg::solve(system, goal),
             Self::Newton => newton::solve(system, goal),
             #[cfg(feature = "assembled")]
-            Self::Proximal => crate::proximal::solve(system, goal),
+            Self::Proximal => crate::proximal::solve_within(system, goal, MOST_PRODUCTS),
         }
     }
 }
@@ -551,6 +551,11 @@ fn is_hopeless(
     rate >= 0.0 && made > stuck || rate < 0.0 && missing / rate > limit as f64
 }
 
+/// Largest number of products of blocks in a factorization of the proximal-point method. It takes some
+/// dozens of these, a thousand products take 30 us.
+#[cfg(feature = "assembled")]
+const MOST_PRODUCTS: f64 = 1e8;
+
 /// Largest number of contacts on one body for which the proximal-point method is tried. Each pair
 /// of them makes a block of W, so its factorization costs the cube of their number: with a body of
 /// 95 m in a heap it took most of a step of 28 s.
@@ -585,8 +590,7 @@ fn replace<const L: usize, const A: usize>(
         *velocity = prospective[body as usize].cast();
     }
     let methods = Method::IN_MATRICES;
-    // Islands with joints have no need of the proximal-point method so far.
-    let newton_only = is_crowded(&part.system) || !part.system.joints.is_empty();
+    let newton_only = is_crowded(&part.system);
     let methods = if newton_only { &methods[..1] } else { methods };
     let (solution, _) = solve_by(methods, &mut part.system, goal);
     // Newton's method may stall far from the solution. NaN is never below.

@@ -40,6 +40,7 @@ mod cholesky;
 mod clock;
 mod constraint;
 mod contact;
+mod elimination;
 pub mod island;
 pub mod jam;
 mod joint;

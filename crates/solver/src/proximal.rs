@@ -20,6 +20,16 @@ pub fn solve<const L: usize, const A: usize>(
     system: &mut System<f64, L, A>,
     goal: &Goal,
 ) -> Solution {
+    solve_within(system, goal, f64::INFINITY)
+}
+
+/// [Solves](solve) a system if a factorization takes `most_products` of blocks at most. If not, the
+/// guess stays.
+pub(crate) fn solve_within<const L: usize, const A: usize>(
+    system: &mut System<f64, L, A>,
+    goal: &Goal,
+    most_products: f64,
+) -> Solution {
     let prospective = system.velocities.clone();
     let assembled = Assembly::of_system(system).and_then(|of| Ok((of.problem()?, of)));
     system.apply_impulses();
@@ -27,13 +37,17 @@ pub fn solve<const L: usize, const A: usize>(
     let Ok((problem, assembly)) = assembled else {
         return track.end(system, Status::BadInput);
     };
+    let structure = proximal::structure(&problem);
+    if structure.products() > most_products {
+        return track.end(system, Status::Stalled);
+    }
     let mut warm = assembly.warm(&problem);
     for tolerance in TOLERANCES {
         if !track.goes_on() {
             break;
         }
         let limits = Limits { tolerance, budget: goal.budget };
-        warm = proximal::solve(&problem, Some(&warm), &limits).impulses;
+        warm = proximal::solve_as(&structure, &problem, Some(&warm), &limits).impulses;
         assembly.give_back(&warm, system);
         system.velocities.clone_from(&prospective);
         system.apply_impulses();

@@ -1,44 +1,79 @@
 //! Sparse LU factorization of block matrices, with one block per pair of coupled contacts.
 //!
 //! Pivots stay within the diagonal blocks, so the structure of the factors is known in advance and
-//! found once per problem. Contacts are eliminated in minimum-degree order (Tinney and Walker
-//! 1967). This is stable for positive definite matrices. It is nearly stable for those of
+//! found once per problem ([`Structure`]). This is stable for positive definite matrices. It is nearly stable for those of
 //! [`proximal`](super::proximal), whose shift keeps the blocks away from zero; refinement there
 //! removes rounding errors.
 
 use super::blocks::{Block, Blocks};
+use super::matrices::Matrix;
+use crate::elimination::Elimination;
 
-/// P A P^T = L U, with the inverses of the diagonal blocks of U.
-pub(super) struct BlockLu<const D: usize> {
+/// Where the blocks of L and U are.
+pub(crate) struct Structure {
     /// Contact eliminated at each step; `place` is the inverse.
-    order: Vec<usize>,
-    place: Vec<usize>,
-    lower: Rows<D>,
-    upper: Rows<D>,
-    inverse: Vec<Block<D>>,
-    work: Vec<Block<D>>,
+    order: Vec<u32>,
+    place: Vec<u32>,
+    lower: Rows,
+    upper: Rows,
 }
 
-struct Rows<const D: usize> {
+/// Columns of the blocks in each row.
+struct Rows {
     start: Vec<usize>,
-    columns: Vec<usize>,
-    values: Vec<Block<D>>,
+    columns: Vec<u32>,
 }
 
-impl<const D: usize> Rows<D> {
-    fn new(rows: &[Vec<usize>]) -> Self {
+impl Rows {
+    fn new(rows: &[Vec<u32>]) -> Self {
         let mut start = vec![0];
         for row in rows {
             start.push(start[start.len() - 1] + row.len());
         }
-        let columns = rows.concat();
-        let values = vec![[[0.0; D]; D]; columns.len()];
-        Self { start, columns, values }
+        Self { start, columns: rows.concat() }
     }
 
     fn range(&self, i: usize) -> std::ops::Range<usize> {
         self.start[i]..self.start[i + 1]
     }
+
+    fn columns(&self, i: usize) -> impl Iterator<Item = usize> {
+        self.columns[self.range(i)].iter().map(|&column| column as usize)
+    }
+}
+
+impl Structure {
+    /// Finds the structure for all matrices of `size` x `size` blocks whose pattern is contained in that
+    /// of this one.
+    pub(crate) fn of(matrix: &Matrix, size: usize) -> Self {
+        let mut near = vec![Vec::new(); matrix.nrows().div_ceil(size)];
+        for row in 0..matrix.nrows() {
+            for column in matrix.col_idx_of_row(row) {
+                near[row / size].push((column / size) as u32);
+                near[column / size].push((row / size) as u32);
+            }
+        }
+        let Elimination { order, place, later } = Elimination::of_twins(near);
+        let mut lower = vec![Vec::new(); order.len()];
+        for (row, step) in later.iter().zip(0..) {
+            row.iter().for_each(|&place| lower[place as usize].push(step));
+        }
+        Self { order, place, lower: Rows::new(&lower), upper: Rows::new(&later) }
+    }
+
+    /// Returns the number of products of blocks in a factorization.
+    pub(crate) fn products(&self) -> f64 {
+        (0..self.order.len()).map(|i| (self.upper.range(i).len() as f64).powi(2)).sum()
+    }
+}
+
+/// P A P^T = L U, with the inverses of the diagonal blocks of U.
+pub(super) struct BlockLu<'a, const D: usize> {
+    structure: &'a Structure,
+    lower: Vec<Block<D>>,
+    upper: Vec<Block<D>>,
+    inverse: Vec<Block<D>>,
+    work: Vec<Block<D>>,
 }
 
 /// a <- a - b c
@@ -105,58 +140,17 @@ fn inverted<const D: usize>(mut a: Block<D>) -> Option<Block<D>> {
     x.as_flattened().iter().all(|x| x.is_finite()).then_some(x)
 }
 
-impl<const D: usize> BlockLu<D> {
-    /// Finds the structure for all matrices whose pattern is contained in that of `blocks`.
-    pub(super) fn new(blocks: &Blocks<D>) -> Self {
-        let n = blocks.len();
-        let mut near: Vec<Vec<usize>> = vec![Vec::new(); n];
-        for i in 0..n {
-            for (j, _) in blocks.row(i).filter(|&(j, _)| j != i) {
-                near[i].push(j);
-                near[j].push(i);
-            }
-        }
-        for row in &mut near {
-            row.sort_unstable();
-            row.dedup();
-        }
-        let mut left = vec![true; n];
-        let (mut order, mut later) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for _ in 0..n {
-            let rest = (0..n).filter(|&i| left[i]);
-            let Some(v) = rest.min_by_key(|&i| near[i].len()) else {
-                break;
-            };
-            left[v] = false;
-            let around = std::mem::take(&mut near[v]);
-            for &i in &around {
-                let mut merged = Vec::with_capacity(near[i].len() + around.len());
-                merge(&near[i], &around, &mut merged);
-                merged.retain(|&j| j != i && j != v);
-                near[i] = merged;
-            }
-            order.push(v);
-            later.push(around);
-        }
-        let mut place = vec![0; n];
-        for (k, &v) in order.iter().enumerate() {
-            place[v] = k;
-        }
-        let mut lower = vec![Vec::new(); n];
-        for (k, row) in later.iter_mut().enumerate() {
-            for v in row.iter_mut() {
-                *v = place[*v];
-                lower[*v].push(k);
-            }
-            row.sort_unstable();
-        }
+impl<'a, const D: usize> BlockLu<'a, D> {
+    /// Creates room for matrices of this structure.
+    pub(super) fn new(structure: &'a Structure) -> Self {
+        let zeros = |count: usize| vec![[[0.0; D]; D]; count];
+        let n = structure.order.len();
         Self {
-            order,
-            place,
-            lower: Rows::new(&lower),
-            upper: Rows::new(&later),
-            inverse: vec![[[0.0; D]; D]; n],
-            work: vec![[[0.0; D]; D]; n],
+            structure,
+            lower: zeros(structure.lower.columns.len()),
+            upper: zeros(structure.upper.columns.len()),
+            inverse: zeros(n),
+            work: zeros(n),
         }
     }
 
@@ -169,41 +163,39 @@ impl<const D: usize> BlockLu<D> {
         rows: &[(Block<D>, Block<D>)],
         absent: &[bool],
     ) -> Option<()> {
-        for i in 0..self.order.len() {
-            let contact = self.order[i];
-            let (lower, upper) = (self.lower.range(i), self.upper.range(i));
+        let Structure { order, place, lower: in_lower, upper: in_upper } = self.structure;
+        for (i, &contact) in order.iter().enumerate() {
+            let contact = contact as usize;
+            let (lower, upper) = (in_lower.range(i), in_upper.range(i));
             let (by, plus) = &rows[contact];
             if absent[contact] {
-                self.lower.values[lower].fill([[0.0; D]; D]);
-                self.upper.values[upper].fill([[0.0; D]; D]);
+                self.lower[lower].fill([[0.0; D]; D]);
+                self.upper[upper].fill([[0.0; D]; D]);
                 self.inverse[i] = inverted(*plus)?;
                 continue;
             }
-            let near = self.lower.columns[lower.clone()].iter();
-            for &j in near.chain(&self.upper.columns[upper.clone()]) {
+            for j in in_lower.columns(i).chain(in_upper.columns(i)) {
                 self.work[j] = [[0.0; D]; D];
             }
             self.work[i] = *plus;
             let negative = by.map(|row| row.map(|x| -x));
             for (j, block) in blocks.row(contact).filter(|&(j, _)| !absent[j]) {
-                subtract_product(&mut self.work[self.place[j]], &negative, block);
+                subtract_product(&mut self.work[place[j] as usize], &negative, block);
             }
-            for l in lower {
-                let k = self.lower.columns[l];
+            for (l, k) in lower.zip(in_lower.columns(i)) {
                 let mut factor = [[0.0; D]; D];
                 if !is_zero(&self.work[k]) {
                     factor = product(&self.work[k], &self.inverse[k]);
-                    for u in self.upper.range(k) {
-                        let (j, value) = (self.upper.columns[u], &self.upper.values[u]);
-                        if !absent[self.order[j]] {
-                            subtract_product(&mut self.work[j], &factor, value);
+                    for (u, j) in in_upper.range(k).zip(in_upper.columns(k)) {
+                        if !absent[order[j] as usize] {
+                            subtract_product(&mut self.work[j], &factor, &self.upper[u]);
                         }
                     }
                 }
-                self.lower.values[l] = factor;
+                self.lower[l] = factor;
             }
-            for u in upper {
-                self.upper.values[u] = self.work[self.upper.columns[u]];
+            for (u, j) in upper.zip(in_upper.columns(i)) {
+                self.upper[u] = self.work[j];
             }
             self.inverse[i] = inverted(self.work[i])?;
         }
@@ -212,41 +204,24 @@ impl<const D: usize> BlockLu<D> {
 
     /// x <- A^-1 x.
     pub(super) fn solve(&self, x: &mut [[f64; D]]) {
-        let n = self.order.len();
-        let mut y: Vec<[f64; D]> = self.order.iter().map(|&v| x[v]).collect();
-        for i in 0..n {
+        let Structure { order, lower, upper, .. } = self.structure;
+        let mut y: Vec<[f64; D]> = order.iter().map(|&v| x[v as usize]).collect();
+        for i in 0..order.len() {
             let mut sum = y[i];
-            for l in self.lower.range(i) {
-                subtract_applied(&mut sum, &self.lower.values[l], &y[self.lower.columns[l]]);
+            for (l, j) in lower.range(i).zip(lower.columns(i)) {
+                subtract_applied(&mut sum, &self.lower[l], &y[j]);
             }
             y[i] = sum;
         }
-        for i in (0..n).rev() {
+        for i in (0..order.len()).rev() {
             let mut sum = y[i];
-            for u in self.upper.range(i) {
-                subtract_applied(&mut sum, &self.upper.values[u], &y[self.upper.columns[u]]);
+            for (u, j) in upper.range(i).zip(upper.columns(i)) {
+                subtract_applied(&mut sum, &self.upper[u], &y[j]);
             }
             y[i] = applied(&self.inverse[i], &sum);
         }
-        for (&v, y) in self.order.iter().zip(y) {
-            x[v] = y;
+        for (&v, y) in order.iter().zip(y) {
+            x[v as usize] = y;
         }
-    }
-}
-
-/// Merges two sorted lists without duplicates.
-fn merge(a: &[usize], b: &[usize], merged: &mut Vec<usize>) {
-    let (mut i, mut j) = (0, 0);
-    while i < a.len() || j < b.len() {
-        let (x, y) = (a.get(i).copied(), b.get(j).copied());
-        let next = match (x, y) {
-            (Some(x), Some(y)) => x.min(y),
-            (Some(x), None) => x,
-            (None, Some(y)) => y,
-            (None, None) => break,
-        };
-        i += usize::from(x == Some(next));
-        j += usize::from(y == Some(next));
-        merged.push(next);
     }
 }

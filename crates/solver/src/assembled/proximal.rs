@@ -22,7 +22,7 @@
 
 use super::Problem;
 use super::block_gauss_seidel::Sweeper;
-use super::block_lu::BlockLu;
+use super::block_lu::{BlockLu, Structure};
 use super::blocks::{Block, Blocks, joined, laws, split};
 use super::outcome::{Limits, Outcome, Progress, Status};
 use crate::law::Interval;
@@ -45,14 +45,34 @@ const PATIENCE: usize = 20;
 /// Takes Newton steps from `warm`, or from the result of a few sweeps if that is `None`. `Stalled`
 /// means that no proximal points were found, or that they do not come nearer.
 pub fn solve(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
+    solve_as(&structure(problem), problem, warm, limits)
+}
+
+/// Finds what several solves of a problem have in common.
+pub(crate) fn structure(problem: &Problem) -> Structure {
+    Structure::of(problem.matrix(), problem.dimension())
+}
+
+/// [Solves](solve) a problem of this structure.
+pub(crate) fn solve_as(
+    structure: &Structure,
+    problem: &Problem,
+    warm: Option<&[f64]>,
+    limits: &Limits,
+) -> Outcome {
     match problem.dimension() {
-        1 => points::<1>(problem, warm, limits),
-        2 => points::<2>(problem, warm, limits),
-        _ => points::<3>(problem, warm, limits),
+        1 => points::<1>(structure, problem, warm, limits),
+        2 => points::<2>(structure, problem, warm, limits),
+        _ => points::<3>(structure, problem, warm, limits),
     }
 }
 
-fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limits) -> Outcome {
+fn points<const D: usize>(
+    structure: &Structure,
+    problem: &Problem,
+    warm: Option<&[f64]>,
+    limits: &Limits,
+) -> Outcome {
     let blocks = Blocks::<D>::new(problem.matrix());
     let offset = split::<D>(problem.offset());
     let (mut progress, start) = Progress::new(problem, warm, limits);
@@ -65,7 +85,7 @@ fn points<const D: usize>(problem: &Problem, warm: Option<&[f64]>, limits: &Limi
     }
     let mut sweeper = Sweeper::new(&blocks, &offset, problem);
     let mut newton =
-        Newton { blocks: &blocks, offset: &offset, problem, lu: BlockLu::new(&blocks) };
+        Newton { blocks: &blocks, offset: &offset, problem, lu: BlockLu::new(structure) };
     let mut r = split::<D>(&start);
     if let (None, Some(sweeper)) = (warm, &mut sweeper) {
         (0..SWEEPS).for_each(|_| _ = sweeper.sweep(&mut r, 0.0, &[]));
@@ -130,7 +150,7 @@ struct Newton<'a, const D: usize> {
     blocks: &'a Blocks<D>,
     offset: &'a [[f64; D]],
     problem: &'a Problem,
-    lu: BlockLu<D>,
+    lu: BlockLu<'a, D>,
 }
 
 /// The equations of a block at a given r.
