@@ -71,13 +71,15 @@ pub enum FindingKind {
     JointMassRatio,
     /// Cardan angles of a joint are near their singularity: the middle angle. \[rad\]
     JointSingular,
+    /// Bodies of a gear or a rack are held by one that moves: gears measure angles in the world.
+    JointHousing,
     /// The scene reader left something out, or replaced it.
     LeftOut,
 }
 
 impl FindingKind {
     /// All kinds, in their order.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 25] = [
         Self::Overlap,
         Self::Wedged,
         Self::MassRatio,
@@ -101,6 +103,7 @@ impl FindingKind {
         Self::JointIdle,
         Self::JointMassRatio,
         Self::JointSingular,
+        Self::JointHousing,
         Self::LeftOut,
     ];
 }

@@ -1,7 +1,7 @@
 //! Findings about joints.
 
 use drystone::JointState;
-use drystone_scene::{Coordinate, Joint, JointAxis, Rotation, Scene};
+use drystone_scene::{Coordinate, Joint, JointAxis, Motion, Rotation, Scene};
 
 use super::{Finding, FindingKind, length};
 
@@ -27,6 +27,7 @@ pub(super) fn joints(scene: &Scene, states: &[JointState], masses: &[f64]) -> Ve
             findings.extend(at.idle(masses));
             findings.extend(at.mass_ratio(masses));
             findings.extend(at.singular());
+            findings.extend(at.housing());
             findings
         })
         .collect()
@@ -165,6 +166,35 @@ impl JointAt<'_> {
                 &format!("{:.0} degrees", SINGULAR.to_degrees()),
                 "near 90 degrees the other two turn about the same axis: choose other axes, or \
                  twist and swing",
+            )
+        })
+    }
+
+    /// Finds a body that moves and holds one of a gear or a rack, which measures against the world.
+    fn housing(&self) -> Option<Finding> {
+        let is_gear = |axis: &JointAxis| {
+            matches!(axis.coordinate, Coordinate::Gear { .. } | Coordinate::Rack { .. })
+        };
+        if !self.joint.axes.iter().any(is_gear) {
+            return None;
+        }
+        let own = |body: usize| self.joint.bodies.contains(&Some(body));
+        let moves = |body: &usize| self.scene.bodies[*body].motion != Motion::Static;
+        let holders = self.scene.joints.iter().filter_map(|joint| match joint.bodies {
+            [Some(a), Some(b)] if own(a) != own(b) => Some(if own(a) { b } else { a }),
+            _ => None,
+        });
+        let holder = self.scene.name_of(holders.filter(moves).min()?);
+        Some(Finding {
+            value: None,
+            limit: None,
+            ..self.finding(
+                FindingKind::JointHousing,
+                [0.0; 2],
+                |name| format!("{name} turns bodies that {holder} holds, which moves"),
+                "bodies held by the world, or by one that stands still",
+                "it measures angles in the world, not in its housing: fix the housing, or drive each \
+                 body by a motor",
             )
         })
     }

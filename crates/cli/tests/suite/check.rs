@@ -156,6 +156,27 @@ fn cardan_angles_near_their_singularity_are_found() {
 }
 
 #[test]
+fn gears_in_a_housing_that_moves_are_found() {
+    let gears = |held: &str| {
+        let cubes: String = [("a", [0.0; 3]), ("b", [2.0, 0.0, 0.0]), ("housing", [4.0, 0.0, 0.0])]
+            .map(|(name, at)| {
+                cube(name, 0.5, at, if name == "housing" { held } else { "mass = 1" })
+            })
+            .concat();
+        let hinge = |body: &str| {
+            format!(
+                "[[joints]]\ntype = \"hinge\"\nbodies = [\"{body}\", \"housing\"]\naxis = [0, 1, 0]\n"
+            )
+        };
+        let gear =
+            "[[joints]]\ntype = \"gear\"\nbodies = [\"a\", \"b\"]\naxis = [0, 1, 0]\nratio = 1\n";
+        format!("gravity = [0, 0, 0]\n{cubes}{}{}{gear}", hinge("a"), hinge("b"))
+    };
+    assert_eq!(one(&gears("mass = 1")).0, "joint_housing");
+    assert_eq!(findings(&gears("motion = \"static\"")), []);
+}
+
+#[test]
 fn an_overlap_has_its_bodies_and_its_depth() {
     let scene = format!("{FLOOR}{}", cube("box", 0.5, [0.0, 0.45, 0.0], ""));
     let (kind, names, depth) = one(&scene);
