@@ -161,7 +161,12 @@ impl Display for InputError {
                 f.write_str("the body is not in this world: it was removed, or is of another world")
             }
             Self::OutOfRange { item, value, accepted: [least, most] } => {
-                write!(f, "{item} is {value}; accepted: from {least} to {most}")
+                write!(f, "{item} is {value}; accepted: ")?;
+                match *least {
+                    f64::MIN_POSITIVE => f.write_str("above 0")?,
+                    least => write!(f, "from {least}")?,
+                }
+                if *most == f64::MAX { Ok(()) } else { write!(f, " to {most}") }
             }
             Self::NoMass => f.write_str(
                 "the shapes of the dynamic body have no mass; \

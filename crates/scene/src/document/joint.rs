@@ -297,7 +297,7 @@ pub(crate) struct BreakingDocument {
     /// Mean torque over a step [N m].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) torque: Option<Unbounded>,
-    /// Impulse of a single collision [N s].
+    /// Largest impulse in a step [N s].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) impulse: Option<Unbounded>,
 }

@@ -30,7 +30,7 @@ pub(super) fn read(
     warn_unknown(joint, &["name", "limits", "drives"], warnings);
     let mut all = JointLimits::default();
     for limit in joint.list("limits")? {
-        all.limits.push(read_limit(&limit, warnings)?);
+        all.limits.extend(read_limit(&limit, warnings)?);
     }
     for drive in joint.list("drives")? {
         all.drives.extend(read_drive(&drive, warnings)?);
@@ -55,7 +55,11 @@ pub(super) fn read(
     Ok(SharedJoint { axes: read.axes, twist: read.twist, breaking, enabled })
 }
 
-fn read_limit(limit: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<Limit, SceneError> {
+/// Reads a limit; `None` if it does not act.
+fn read_limit(
+    limit: &Cursor<'_>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Option<Limit>, SceneError> {
     const KEYS: [&str; 6] = ["linearAxes", "angularAxes", "min", "max", "stiffness", "damping"];
     warn_unknown(limit, &KEYS, warnings);
     let (list, is_angular) = match (limit.get("linearAxes")?, limit.get("angularAxes")?) {
@@ -108,7 +112,12 @@ fn read_limit(limit: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<Limit, 
         }
         None => None,
     };
-    Ok(Limit { is_angular, axes, range, softness })
+    if softness.is_some_and(|own| own.stiffness == 0.0 && own.damping == 0.0) {
+        let message = "a joint limit with stiffness 0 and no damping does not act".to_owned();
+        warnings.push(Warning { place: limit.place(), message });
+        return Ok(None);
+    }
+    Ok(Some(Limit { is_angular, axes, range, softness }))
 }
 
 /// Reads a drive; `None` if its type or mode is unknown.

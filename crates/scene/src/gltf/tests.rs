@@ -177,6 +177,11 @@ fn joints_that_cannot_act_are_named() {
         assert!(warned(&read, part), "{part}: {:?}", read.warnings);
     }
     assert_eq!(read.scene.joints[0].axes[0].limits, Some([0.0, f64::INFINITY]));
+    let limp = json!({ "angularAxes": [1], "min": -1, "max": 2, "stiffness": 0 });
+    let hard = json!({ "linearAxes": [0], "min": 0, "max": 1 });
+    let read = read_with(json!({}), to(4), json!({ "limits": [hard, limp] })).unwrap();
+    assert!(warned(&read, "stiffness 0 and no damping"), "{:?}", read.warnings);
+    assert_eq!(read.scene.joints[0].axes.len(), 1);
 }
 
 /// Joints of the OMI extension have the same members.
