@@ -41,7 +41,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             broken: false,
             user_data: joint.user_data,
             pulls: [0.0; 2],
-            load: [Vec3::ZERO; 2],
+            load: [[Vec3::ZERO; 2]; 2],
         };
         let world = self.id();
         let joints = &mut self.solver.joints;

@@ -2,6 +2,7 @@
 
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
+use crate::joint::linkage::Taming;
 use crate::joint::places::BodyPlaces;
 use crate::joint::record::WORLD;
 use crate::report::StepReport;
@@ -149,10 +150,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns true if locks add energy and got other targets: the substep is to be solved again.
-    pub(crate) fn tame_joints(&mut self) -> bool {
+    pub(crate) fn tame_joints(&mut self, taming: Taming) -> bool {
         let Bodies { velocities, inverse_masses, .. } = &self.bodies;
         let prospective = &self.scratch.prospective;
-        self.solver.joints.tame(velocities, prospective, inverse_masses)
+        self.solver.joints.tame(taming, velocities, prospective, inverse_masses)
     }
 
     /// Breaks the joints that bear more than their strength. Returns true if there were any.

@@ -22,7 +22,7 @@ use crate::bodies::Bodies;
 use crate::geometry::Geometry;
 use crate::ids::Slots;
 use crate::joint::coordinates::{RowCoordinate, Vec3};
-use crate::joint::linkage::{ActingJoints, Aim, Linkage};
+use crate::joint::linkage::{ActingJoints, Aim, Linkage, Taming};
 use crate::joint::places::{BodyPlaces, in_space};
 use crate::joint::record::{JointRecord, RowState, WORLD};
 use crate::joint::rows::Role;
@@ -392,10 +392,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         aims.clone().any(|aims| aims)
     }
 
-    /// Takes curve and repair out of the targets of mechanisms whose locks add energy to bodies that
+    /// Tames the mechanisms whose locks add energy to bodies that
     /// would move at the `prospective` velocities. Returns true if there are any.
     pub(crate) fn tame(
         &mut self,
+        taming: Taming,
         velocities: &[Velocity<f32, L, A>],
         prospective: &[Velocity<f32, L, A>],
         masses: &[InverseMass<f32, L, A>],
@@ -403,7 +404,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let Self { mechanisms, records, acting, linkages, .. } = self;
         let joints = ActingJoints { records, acting };
         mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
-            linkage.aims = linkage.tame(joints, &mut part, [prospective, velocities], masses);
+            let may_be = taming == Taming::Soften || linkage.aims;
+            linkage.aims = may_be
+                && linkage.tame((joints, taming), &mut part, [prospective, velocities], masses);
         });
         linkages.iter().any(|linkage| linkage.aims)
     }
@@ -473,6 +476,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.mechanisms.solve(velocities);
     }
 
+    /// Solves the mechanisms of which a body touches another one.
+    pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        let Self { mechanisms, linkages, .. } = self;
+        mechanisms.solve_those(linkages.iter().map(|linkage| linkage.touches), velocities);
+    }
+
     /// Returns true if a joint that acts may break.
     pub(crate) fn may_break(&self) -> bool {
         self.acting.iter().any(|&slot| self.records[slot as usize].breaking != Breaking::NEVER)
@@ -488,8 +497,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     ) -> bool {
         let Self { mechanisms, records, acting, linkages, substep, snapped, step, .. } = self;
         let before = snapped.len();
-        let arms = linkages.iter().flat_map(|linkage| &linkage.arms);
-        for ((&slot, joint), arms) in acting.iter().zip(&mechanisms.joints).zip(arms) {
+        let arms = linkages.iter().flat_map(|linkage| linkage.arms.iter().zip(linkage.turns()));
+        for ((&slot, joint), (arms, turns)) in acting.iter().zip(&mechanisms.joints).zip(arms) {
             let record = &mut records[slot as usize];
             if record.broken || record.breaking == Breaking::NEVER || joint.count == 0 {
                 continue;
@@ -498,10 +507,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms);
             // The solve may bear up to twice the load of its substep, and relaxing takes it back.
             let time = step.min(BLOW).max(2.0 * *substep);
-            if record.strain(load, time) <= 1.0 {
+            if record.strain(load.map(|own| own.length()), time) <= 1.0 {
                 continue;
             }
-            record.bear(load);
+            record.bear(load, turns);
             record.broken = true;
             snapped.push(slot);
             for axis in axes {
@@ -552,12 +561,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     pub(crate) fn keep_relaxed(&mut self) {
         self.keep(|state, impulse| state.relaxed = impulse);
         let Self { mechanisms, records, acting, linkages, .. } = self;
-        let arms = linkages.iter().flat_map(|linkage| &linkage.arms);
-        for ((&slot, joint), arms) in acting.iter().zip(&mechanisms.joints).zip(arms) {
+        let arms = linkages.iter().flat_map(|linkage| linkage.arms.iter().zip(linkage.turns()));
+        for ((&slot, joint), (arms, turns)) in acting.iter().zip(&mechanisms.joints).zip(arms) {
             let record = &mut records[slot as usize];
             let impulses = record.states.iter().map(|state| state.solved + state.relaxed);
             let load = record.load_by(&mechanisms.axes[joint.axes()], impulses, arms);
-            record.bear(load);
+            record.bear(load, turns);
         }
     }
 
@@ -581,7 +590,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let rows = |(_, record): (usize, &JointRecord)| {
             let of =
                 |state: &RowState| [state.value, state.solved, state.relaxed, state.solved_before];
-            let load = record.load.into_iter().flat_map(|of| of.0);
+            let load = record.load.iter().flatten().flat_map(|of| of.0);
             let states = record.states.iter().flat_map(of);
             let turns = record.turns.iter().flatten().copied();
             states.chain(turns).chain(record.pulls).chain(load).collect::<Vec<_>>()
@@ -598,7 +607,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Returns true if a state is one of these joints.
     pub(crate) fn fits(&self, from: &SavedJoints) -> bool {
         let numbers = |(_, record): (usize, &JointRecord)| {
-            4 * record.states.len() + 2 * record.turns.len() + 8
+            4 * record.states.len() + 2 * record.turns.len() + 14
         };
         self.slots.generations() == from.generations
             && self.taken().count() == from.broken.len()
@@ -625,7 +634,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
             record.turns.iter_mut().for_each(|turns| *turns = [next(), next()]);
             record.pulls = [next(), next()];
-            record.load = [0, 1].map(|_| Vector([next(), next(), next()]));
+            record.load = [0, 1].map(|_| [0, 1].map(|_| Vector([next(), next(), next()])));
         }
         (self.last_step, self.substep) = (from.last_step, from.substep);
         self.forget();
@@ -651,7 +660,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         for record in &mut self.records {
             let moves = |body: u32| masses[body as usize] != InverseMass::FIXED;
             if record.members().any(moves) {
-                record.load = [Vec3::ZERO; 2];
+                record.load = [[Vec3::ZERO; 2]; 2];
             }
         }
     }
@@ -662,13 +671,14 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let Self { records, acting, snapped, step, .. } = self;
         for &slot in acting.iter() {
             let record = &mut records[slot as usize];
-            if !record.broken && record.strain(record.load, *step) >= 1.0 {
+            if !record.broken && record.strain(record.largest_load(), *step) >= 1.0 {
                 record.broken = true;
                 snapped.push(slot);
             }
         }
         let of = |joint: u32| {
-            let [force, torque] = records[joint as usize].load.map(|load| load.length() / *step);
+            let load = records[joint as usize].largest_load();
+            let [force, torque] = load.map(|own| own / *step);
             BrokenJoint { joint, force, torque }
         };
         snapped.drain(..).map(of).collect()
@@ -702,7 +712,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
         [state.gap, state.angle] = record.misses(&places);
         if dt > 0.0 {
-            [state.force, state.torque] = record.load.map(|load| load.length() / dt);
+            [state.force, state.torque] = record.largest_load().map(|own| own / dt);
         }
         state
     }

@@ -25,6 +25,9 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     /// Displacements since the last contact search.
     pub(crate) displacements: Vec<Velocity<f32, L, A>>,
+    /// Displacements of a substep before bodies move, where contacts of bodies with joints need them
+    /// ([`Lead`](drystone_solver::lanes::Lead)).
+    pub(crate) offsets: Vec<Velocity<f32, L, A>>,
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     /// M^-1 of bodies that the solve of a substep sees with another inertia.
@@ -58,6 +61,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             patches: Patches::default(),
             prospective: Vec::new(),
             displacements: Vec::new(),
+            offsets: Vec::new(),
             force_gains: Vec::new(),
             true_masses: Vec::new(),
             start: SubstepStart::default(),

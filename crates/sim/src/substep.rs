@@ -9,13 +9,14 @@ use std::sync::{Mutex, PoisonError};
 
 use drystone_solver::Contact;
 use drystone_solver::ladder::SolveReport;
-use drystone_solver::lanes::{Landing, LaneBatch, MovedBodies};
+use drystone_solver::lanes::{Landing, LaneBatch, Lead, MovedBodies};
 use drystone_solver::restitution::{self, ImpactSettings};
 use drystone_solver::thread_pool::Divide;
 
 use crate::bodies::Bodies;
 use crate::cache::Pair;
 use crate::geometry::Geometry;
+use crate::joint::linkage::Taming;
 use crate::joint::places::BodyPlaces;
 use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
@@ -302,8 +303,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.keep_start();
         }
         let (collisions, broken) = (report.collisions, self.solver.joints.snapped());
+        let leads = plan.solving && self.solver.joints.touch();
+        if leads {
+            let StepScratch { displacements, offsets, .. } = &mut self.scratch;
+            offsets.clone_from(displacements);
+        }
         self.accelerate(plan, renewed, timer, report);
         let turning = self.context().warm_start(substep, renewed, &plan.params);
+        if leads {
+            let StepScratch { displacements, offsets, .. } = &mut self.scratch;
+            offsets.iter_mut().zip(displacements).for_each(|(own, now)| *own = *now - *own);
+        }
         timer.lap(Stage::WarmStart);
         self.warm_start_joints(plan.params.h);
         timer.lap(Stage::Joints);
@@ -341,7 +351,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             timer.lap(Stage::Solve);
             self.sweep_and_snap(false);
             self.aim_joints_again(true);
-            if self.tame_joints() {
+            for taming in [Taming::Soften, Taming::Stop] {
+                if !self.tame_joints(taming) {
+                    break;
+                }
                 self.solve_aiming_joints();
             }
             timer.lap(Stage::Joints);
@@ -361,7 +374,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
             self.refine(with_residuals, timer, report);
         }
-        if self.tame_joints() {
+        for taming in [Taming::Soften, Taming::Stop] {
+            if !self.tame_joints(taming) {
+                break;
+            }
             self.refine(with_residuals, timer, report);
         }
     }
@@ -385,6 +401,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Takes out the velocities of repair, of contacts and of joints.
     fn relax(&mut self, renewed: bool, fastest: f32, plan: &PartPlan<L>, timer: &mut StageTimer) {
         self.solver.joints.begin_relaxing();
+        if self.solver.joints.touch() {
+            if plan.solving {
+                self.solver.lanes.follow();
+            }
+            // Contacts see bodies that joints have stopped.
+            self.solver.joints.solve_touching(&mut self.bodies.velocities);
+        }
         timer.lap(Stage::Joints);
         self.context().relax(renewed, fastest, &plan.params);
         timer.lap(Stage::Relax);
@@ -434,6 +457,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let velocities = turning.then_some(&self.bodies.velocities[..]);
             self.solver.lanes.set_targets(&self.scratch.displacements, velocities, &params.repair);
             self.context().run_belts(params, substep);
+        }
+        if plan.solving && self.solver.joints.touch() {
+            let StepScratch { displacements, offsets, .. } = &self.scratch;
+            let (has_joint, repair) = (&self.bodies.has_joint[..], params.repair);
+            self.solver.lanes.lead(&Lead { displacements, offsets, has_joint, repair });
         }
         if saving {
             self.save(params.h);

@@ -28,7 +28,7 @@ pub use avx2::Avx2;
 pub use batch::LaneBatch;
 pub use block::{CachedImpulse, FAR, LaneSlots, ManifoldSource};
 pub use coloring::Reuse;
-pub use motion::{Landing, MovedBodies};
+pub use motion::{Landing, Lead, MovedBodies};
 pub(crate) use number::lanes_of;
 pub use number::{Doubles, GatherLanes, KernelLanes, LaneArray, Lanes, PART, Portable, Row, WIDTH};
 pub use passes::Instructions;

@@ -2,10 +2,11 @@
 //!
 //! Linkages share no body that moves. So each is prepared and solved on a thread of its own.
 
+use std::array::from_fn;
 use std::ops::Range;
 
 use drystone_solver::mechanism::MechanismPart;
-use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Velocity};
+use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Vector, Velocity};
 
 use super::coordinates::{JointPlaces, Place, Turn, Vec3, cross};
 use super::places::{BodyPlaces, flattened, in_space};
@@ -30,6 +31,18 @@ const FAST_TURN: f32 = 0.005;
 /// targets are wrong. \[1\]
 const MOST_GAIN: f64 = 0.5;
 
+/// Energy that soft locks may add at most by their targets, as a part of what the mechanism has; and that
+/// beyond which these are taken out. \[1\]
+const SOFTENED: f64 = 0.005;
+const TAMED: f64 = 1e-4;
+
+/// Gap of a lock, as a part of the size of its mechanism, beyond which locks soften: at smaller ones they
+/// can do without curve and repair. \[1\]
+const GAPING: f64 = 1e-4;
+
+/// Compliance of a lock over its mobility with which it does next to nothing. \[1\]
+const LIMP: f64 = 1e3;
+
 /// Speed that locks may give a mechanism at rest. \[m/s\]
 const LEAST_SPEED: f64 = 1.0;
 
@@ -47,6 +60,7 @@ const NO_PARAMS: RowParams = RowParams {
     h: 0.0,
     mobility: 0.0,
     arm: 0.0,
+    lever: 0.0,
     compliance: 0.0,
     repair: [0.0; 2],
     strongest: 0.0,
@@ -93,6 +107,15 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) aims: bool,
     /// Largest change of a target when they were set last. \[m/s, or rad/s\]
     change: f64,
+}
+
+/// Ways in which locks that add energy are [tamed](Linkage::tame).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Taming {
+    /// They yield.
+    Soften,
+    /// They leave out curve and repair.
+    Stop,
 }
 
 /// The joints of a world by slot, and the slots of those that act.
@@ -209,17 +232,25 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     ) {
         let masses = &bodies.inverse_masses;
         self.params.clear();
+        let [low, high] = self.extent(masses);
         let mut axes = part.axes.iter();
-        for joint in part.joints {
+        let places = self.sides.iter().zip(&self.arms);
+        for ((joint, record), (sides, arms)) in part.joints.iter().zip(joints.of(self)).zip(places)
+        {
+            let first = record.first_side();
+            let anchor = self.here[sides[first]].position + arms[first];
+            let reach = from_fn(|i| (anchor[i] - low[i]).max(high[i] - anchor[i]).max(0.0));
+            let reach = Vector::<f64, 3>(reach).length();
             let own = joint.bodies.map(|body| masses[body as usize].cast());
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
             self.params.extend(axes.by_ref().take(joint.count as usize).map(|axis| {
                 let mobility = axis.mobility(&own);
                 let is_turn = axis.is_turn() && unit > 0.0;
                 let arm = if is_turn { (unit / mobility).sqrt() } else { 1.0 };
+                let lever = if is_turn { arm.max(reach) } else { 1.0 };
                 let repair = [REPAIR, speed / arm];
                 let strongest = STRONGEST * h * arm / self.compliance;
-                RowParams { h, mobility, arm, compliance: 0.0, repair, strongest }
+                RowParams { h, mobility, arm, lever, compliance: 0.0, repair, strongest }
             }));
         }
         let loaded = self.drive_force(joints).max(1.0 / self.compliance);
@@ -227,12 +258,23 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         let rounding = (ROUNDING * fastest / RESIDUAL).powi(2);
         let roles = joints.of(self).flat_map(|record| &record.rows).map(|row| &row.role);
         for ((axis, params), role) in part.axes.iter_mut().zip(&mut self.params).zip(roles) {
-            let under = |force: f64| REPAIR * stretch / (force * (h * params.arm).powi(2));
+            let under = |force: f64| REPAIR * stretch / (force * (h * params.lever).powi(2));
             let turning = under(turning).max(params.mobility * rounding);
             params.compliance = under(loaded).min(turning);
             axis.law.compliance = role.compliance(params);
             axis.prepare_for(params.mobility);
         }
+    }
+
+    /// Returns the corners of the box around the centers of mass of its bodies that move. \[m\]
+    fn extent(&self, masses: &[InverseMass<f32, L, A>]) -> [Vec3; 2] {
+        let infinite = Vector([f64::INFINITY; 3]);
+        let moving = self.members.iter().zip(&self.here);
+        let moving = moving.filter(|(body, _)| masses[**body as usize].linear > 0.0);
+        moving.fold([infinite, -infinite], |[low, high], (_, Place { position, .. })| {
+            let low = from_fn(|i| low[i].min(position[i]));
+            [Vector(low), Vector(from_fn(|i| high[i].max(position[i])))]
+        })
     }
 
     /// Returns the largest force of a drive in the last substep. \[N\]
@@ -274,6 +316,11 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             }
         }
         [largest, fastest]
+    }
+
+    /// Returns for each joint the rotations of its bodies.
+    pub(crate) fn turns(&self) -> impl Iterator<Item = [Turn; 2]> {
+        self.sides.iter().map(|sides| sides.map(|side| self.here[side].turn))
     }
 
     /// Finds the places of the bodies.
@@ -440,14 +487,16 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         }
     }
 
-    /// Takes curve and repair out of the targets if locks add energy to bodies that would move at the
-    /// `prospective` velocities. Returns true if so.
+    /// Tames the locks if they add energy to bodies that would move at the `prospective` velocities.
+    /// Returns true if so.
     ///
     /// Rows of a net in one plane are nearly dependent: its links would need any speed to end on
-    /// their places. Targets of zero add no energy.
+    /// their places. Targets of zero add no energy, but gaps stay. Locks with compliances eps and targets t
+    /// add t^2 / (2 eps) at most, and soft ones leave out what only such a speed could reach. So where
+    /// joints [gape](Self::gapes) locks soften first, unless they add energy still.
     pub(crate) fn tame(
         &self,
-        joints: ActingJoints<'_>,
+        (joints, taming): (ActingJoints<'_>, Taming),
         part: &mut MechanismPart<'_, L, A>,
         [prospective, velocities]: [&[Velocity<f32, L, A>]; 2],
         masses: &[InverseMass<f32, L, A>],
@@ -467,13 +516,44 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             gain += after - before;
         }
         let speed = self.repair_speed(joints, part, masses).max(LEAST_SPEED);
-        let is_wild = work.min(gain) > MOST_GAIN * energy + least(speed);
-        if is_wild {
-            let rows = joints.of(self).flat_map(|record| &record.rows);
-            let locks = part.axes.iter_mut().zip(rows).filter(|(_, row)| row.role.is_rigid_lock());
-            locks.for_each(|(axis, _)| axis.law.targets = [0.0; 2]);
+        let most = match taming {
+            Taming::Soften => MOST_GAIN * energy + least(speed),
+            Taming::Stop => TAMED * energy,
+        };
+        if work.min(gain) <= most {
+            return false;
         }
-        is_wild
+        let rows = joints.of(self).flat_map(|record| &record.rows);
+        let locks = part.axes.iter_mut().zip(&self.params).zip(rows);
+        let mut locks: Vec<_> = locks
+            .filter(|((_, params), row)| row.role.is_rigid_lock() && params.mobility > 0.0)
+            .map(|((axis, params), _)| (&mut axis.law, params.mobility))
+            .collect();
+        let wanted = locks.iter().map(|(law, mobility)| law.targets[0].powi(2) / mobility);
+        let softness = (wanted.sum::<f64>() / (2.0 * SOFTENED * energy)).min(LIMP);
+        let taming = if self.gapes(joints, masses) { taming } else { Taming::Stop };
+        for (law, mobility) in &mut locks {
+            match taming {
+                Taming::Soften => law.compliance = law.compliance.max(softness * *mobility),
+                Taming::Stop => law.targets = [0.0; 2],
+            }
+        }
+        true
+    }
+
+    /// Returns true if joints make loops and a position misses its lock far.
+    fn gapes(&self, joints: ActingJoints<'_>, masses: &[InverseMass<f32, L, A>]) -> bool {
+        let moving = self.members.iter().filter(|body| masses[**body as usize].linear > 0.0);
+        if self.sides.len() <= moving.count() {
+            return false;
+        }
+        let rows = joints.of(self).flat_map(|record| record.rows.iter().zip(&record.states));
+        let gaps = rows.map(|(plan, state)| match plan.role {
+            Role::Lock(at, None) if !plan.coordinate.is_angle() => (state.value - at).abs(),
+            _ => 0.0,
+        });
+        let [low, high] = self.extent(masses);
+        gaps.fold(0.0, f64::max) > GAPING * (high - low).length()
     }
 
     /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2. \[J\]

@@ -2,7 +2,7 @@
 
 use drystone_solver::{Axis, Velocity};
 
-use super::coordinates::{JointOrigin, JointPlaces, Place, RowCoordinate, Vec3, cross};
+use super::coordinates::{JointOrigin, JointPlaces, Place, RowCoordinate, Turn, Vec3, cross};
 use super::rows::RowPlan;
 use super::{Breaking, Coordinate, JointAxis};
 
@@ -29,9 +29,9 @@ pub(crate) struct JointRecord {
     pub(crate) user_data: u128,
     /// Lengths of the impulses on both bodies in the last substep ([`tension`](super::tension)). \[N s\]
     pub(crate) pulls: [f64; 2],
-    /// Impulse on a and its moment about the joint in this step, or in the last one.
-    /// \[N s, N m s\]
-    pub(crate) load: [Vec3; 2],
+    /// Impulse on a and its moment about the joint in this step, or in the last one, summed in frames that
+    /// turn with a and with b. \[N s, N m s\]
+    pub(crate) load: [[Vec3; 2]; 2],
 }
 
 /// State of a row between substeps.
@@ -97,15 +97,24 @@ impl JointRecord {
     }
 
     /// Returns an impulse on it and its moment in a step of `dt` \[s\] over those that break it. \[1\]
-    pub(crate) fn strain(&self, [pull, turn]: [Vec3; 2], dt: f64) -> f64 {
+    pub(crate) fn strain(&self, [pull, turn]: [f64; 2], dt: f64) -> f64 {
         let Breaking { force, torque, impulse } = self.breaking;
-        let pull = (pull.length() / (force * dt)).max(pull.length() / impulse);
-        pull.max(turn.length() / (torque * dt))
+        (pull / (force * dt)).max(pull / impulse).max(turn / (torque * dt))
     }
 
-    /// Adds to its load in this step.
-    pub(crate) fn bear(&mut self, load: [Vec3; 2]) {
-        self.load.iter_mut().zip(load).for_each(|(sum, own)| *sum += own);
+    /// Adds to its load in this step. `turns` are the rotations of its bodies.
+    pub(crate) fn bear(&mut self, load: [Vec3; 2], turns: [Turn; 2]) {
+        for (side, (sums, turn)) in self.load.iter_mut().zip(turns).enumerate() {
+            let back = if self.bodies[side] == WORLD { Turn::NONE } else { turn.inverse() };
+            sums.iter_mut().zip(load).for_each(|(sum, own)| *sum += back.rotate(own));
+        }
+    }
+
+    /// Returns the sizes of its impulse and of its moment in the step. A load that turns with a body is
+    /// as large as one that stands still. \[N s, N m s\]
+    pub(crate) fn largest_load(&self) -> [f64; 2] {
+        let [with_a, with_b] = self.load.map(|of| of.map(|own| own.length()));
+        [with_a[0].max(with_b[0]), with_a[1].max(with_b[1])]
     }
 
     /// Returns its load by these impulses of its rows, at these arms from the centers of mass of its

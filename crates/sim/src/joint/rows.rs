@@ -140,6 +140,8 @@ pub(crate) struct RowParams {
     pub(crate) mobility: f64,
     /// Arm by which a force of a lock is the moment of this row; 1 for a position. \[m, or 1\]
     pub(crate) arm: f64,
+    /// Largest arm by which a weight of the mechanism turns this row; 1 for a position. \[m, or 1\]
+    pub(crate) lever: f64,
     /// Compliance of a lock. \[1/kg, or 1/(kg m^2)\]
     pub(crate) compliance: f64,
     /// Fraction of a gap that the substep repairs, and the largest speed of repair.
@@ -150,6 +152,23 @@ pub(crate) struct RowParams {
 }
 
 impl RowParams {
+    /// Returns the compliance of a limit and the fraction of a gap that it repairs.
+    ///
+    /// With eps and c those of a lock, it is a spring of h^2 k = c / eps with h d = (1 - c) / eps. In short
+    /// substeps that spring would swing, so its damping ratio is [`DAMPED`] at least: h d >= 2 zeta
+    /// sqrt(h^2 k / A_ii).
+    fn damped_limit(&self) -> [f64; 2] {
+        let share = self.repair[0];
+        let stiffness = share / self.compliance;
+        let damping = (1.0 - share) / self.compliance;
+        let least = 2.0 * DAMPED * (stiffness / self.mobility).sqrt();
+        if damping >= least || self.mobility <= 0.0 {
+            return [self.compliance, share];
+        }
+        let compliance = 1.0 / (stiffness + least);
+        [compliance, stiffness * compliance]
+    }
+
     /// Returns the factor from the numbers of a drive to forces.
     fn scale(&self, drive: &Drive) -> f64 {
         if drive.acceleration { 1.0 / self.mobility } else { 1.0 }
@@ -224,6 +243,9 @@ const YIELD: f64 = 1e-5;
 /// repaired, but what a motor slips is lost. \[1\]
 const SLIP: f64 = 0.01;
 
+/// Least damping ratio of a limit: a body that runs into it comes back at 1 / (4 zeta^2) of its speed. \[1\]
+const DAMPED: f64 = 8.0;
+
 const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
 impl Role {
@@ -233,14 +255,16 @@ impl Role {
             Self::Lock(_, Some(softness)) | Self::Limit(_, Some(softness)) => {
                 Spring::of_softness(softness, params).compliance
             }
-            Self::Lock(..) | Self::Limit(..) => params.compliance,
+            Self::Limit(..) => params.damped_limit()[0],
+            Self::Lock(..) => params.compliance,
             Self::Drive(drive) if drive.damping.is_finite() => {
                 Spring::of_drive(drive, params).compliance
             }
             Self::Drive(Drive { max_force, .. }) | Self::Friction(max_force)
                 if max_force.is_finite() =>
             {
-                params.compliance.min(YIELD / (max_force * params.h))
+                let own = params.compliance.min(YIELD / (max_force * params.h));
+                own.max(params.compliance * SLIP)
             }
             Self::Drive(_) | Self::Friction(_) => params.compliance * SLIP,
         }
@@ -260,6 +284,8 @@ impl Role {
                 ([curve + gain * (value - at.value); 2], ANY)
             }
             Self::Limit([low, high], None) => {
+                let share = params.damped_limit()[1];
+                let repaired = |gap: f64| (share * gap).clamp(-speed * h, speed * h);
                 let up = (low - at.value).min(repaired((low - at.value).max(0.0)));
                 let down = (high - at.value).max(repaired((high - at.value).min(0.0)));
                 ([curve + up / h, curve + down / h], ANY)

@@ -5,6 +5,7 @@ mod extremes;
 mod held;
 mod loads;
 mod machines;
+mod rests;
 mod spins;
 mod swings;
 mod tops;

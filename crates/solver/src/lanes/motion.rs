@@ -93,6 +93,52 @@ impl<V: Lanes, const L: usize, const A: usize> Targets<'_, V, L, A> {
     }
 }
 
+/// Displacements of this substep that the velocities at its end do not tell: a body with joints falls by
+/// half of what gravity adds, and its joints take the rest of that velocity when contacts have been solved.
+/// For solves to a tolerance: with a few sweeps they would make contacts oscillate.
+#[derive(Clone, Copy, Debug)]
+pub struct Lead<'a, const L: usize, const A: usize> {
+    /// Displacements since gaps were measured. \[m, rad\]
+    pub displacements: &'a [Velocity<f32, L, A>],
+    /// The part of them that is meant here. \[m, rad\]
+    pub offsets: &'a [Velocity<f32, L, A>],
+    /// Whether each body has joints.
+    pub has_joint: &'a [bool],
+    /// Parameters with which targets have been set.
+    pub repair: Repair<f32>,
+}
+
+impl<const L: usize, const A: usize> Lead<'_, L, A> {
+    /// Takes the offsets out of targets that have been set, so that points in contact keep their places,
+    /// not their velocities. Targets of open gaps do so already. Returns the change of each target.
+    #[inline(always)]
+    pub(super) fn shift<V: Lanes>(
+        &self,
+        block: &Block<V, L, A>,
+        points: &mut [Contact<V, L>],
+        shifts: &mut [Vector<V, L>],
+    ) {
+        let Repair { dt, rate, stick_rate, .. } = self.repair;
+        let is_jointed = |body: u32| self.has_joint.get(body as usize) == Some(&true);
+        let counts = |lane: usize| f32::from(block.bodies.iter().any(|of| is_jointed(of[lane])));
+        let counts = V::from_array(std::array::from_fn(counts));
+        let twist = |of: &[Velocity<f32, L, A>]| {
+            let [a, b] = block.gather_from(0, of);
+            block.manifold.frame.twist(&a, &b)
+        };
+        let (moved, offset) = (twist(self.displacements), twist(self.offsets));
+        let of_slip = counts * splat(1.0 / dt - stick_rate);
+        let of_overlap = counts * splat((1.0 - rate) / dt);
+        for (contact, shift) in points.iter_mut().zip(shifts) {
+            let gap = contact.gap[0] + contact.normal_velocity(&moved);
+            let offset = contact.relative_velocity(&offset);
+            *shift = offset * of_slip;
+            shift[0] = gap.choose(V::ZERO, offset[0] * of_overlap);
+            contact.target -= *shift;
+        }
+    }
+}
+
 /// J is renewed only where that changes velocities by less than this fraction of the velocity from
 /// rotation. So it is renewed under weights, but not in impacts. \[1\]
 const MOST_LAG: f64 = 0.2;

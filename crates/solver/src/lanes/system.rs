@@ -6,16 +6,16 @@ use super::batch::{LaneBatch, Passes, View};
 use super::block::{Block, CachedImpulse, ManifoldSource, contact_in, set};
 use super::coloring::{Coloring, Placement, Reuse};
 use super::conjugate::Conjugate;
-use super::motion::Targets;
+use super::motion::{Lead, Targets};
 use super::partition::{BatchRange, Sizes};
 use super::passes::{Instructions, in_lanes, passes};
 use super::sweep::BlocksMut;
-use super::view::{view_all_mut, view_mut};
+use super::view::{view_all, view_all_mut, view_mut};
 use super::{Lanes, Portable, WIDTH};
 use crate::certificate::{Certificate, CertificateScratch};
 use crate::island::Islands;
 use crate::thread_pool::{DisjointSlice, Divide, ThreadPool, chunks_with_parts};
-use crate::{Contact, InverseMass, Manifold, Repair, SurfaceEffects, System, Velocity};
+use crate::{Contact, InverseMass, Manifold, Repair, SurfaceEffects, System, Vector, Velocity};
 
 /// Least number of blocks in a strip; a strip also has at least one block of each color. Blocks are
 /// packed strip by strip, so that the data read for them stays in the level-1 cache.
@@ -31,6 +31,8 @@ pub struct LaneSystem<const L: usize, const A: usize> {
     coloring: Coloring,
     extents: Vec<BatchRange>,
     conjugate: Conjugate<L, A>,
+    /// Change of the target of each point ([`LaneSystem::lead`]).
+    shifts: Vec<Vector<Portable, L>>,
     /// Softness of the points; `None` if all manifolds have to be read again.
     softness: Option<f32>,
     pool: Arc<ThreadPool>,
@@ -63,6 +65,7 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
             coloring: Coloring::default(),
             extents: Vec::new(),
             conjugate: Conjugate::default(),
+            shifts: Vec::new(),
             softness: None,
             pool: Arc::default(),
             instructions,
@@ -235,6 +238,40 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
         let targets = Targets::new(0, displacements, turning.is_some(), repair);
         let velocities = turning.unwrap_or_default();
         self.passes.set_targets(&mut self.whole(&mut []), &targets, velocities);
+    }
+
+    /// Takes offsets out of the targets, which have just been set ([`Lead`]).
+    pub fn lead(&mut self, lead: &Lead<'_, L, A>) {
+        in_lanes!(self.instructions, V => {
+            let Self { blocks, contacts, shifts, .. } = self;
+            shifts.resize(contacts.len(), Vector::ZERO);
+            let contacts = view_all_mut::<V, _>(contacts);
+            let shifts = view_all_mut::<V, _>(shifts);
+            V::run(
+                #[inline(always)]
+                || {
+                    for block in view_all::<V, _>(blocks).iter().filter(|block| block.used != 0) {
+                        let points = block.manifold.points();
+                        lead.shift(block, &mut contacts[points.clone()], &mut shifts[points]);
+                    }
+                },
+            );
+        });
+    }
+
+    /// Undoes [`lead`](Self::lead).
+    pub fn follow(&mut self) {
+        in_lanes!(self.instructions, V => {
+            let Self { blocks, contacts, shifts, .. } = self;
+            let contacts = view_all_mut::<V, _>(contacts);
+            let shifts = view_all::<V, _>(shifts);
+            for block in view_all::<V, _>(blocks).iter().filter(|block| block.used != 0) {
+                let points = block.manifold.points();
+                for (contact, shift) in contacts[points.clone()].iter_mut().zip(&shifts[points]) {
+                    contact.target += *shift;
+                }
+            }
+        });
     }
 
     fn view(&self) -> View<'_, L, A> {

@@ -1,0 +1,191 @@
+//! Bodies at rest: on planks, tables and between fingers that joints hold, and at the ends of levers.
+
+use drystone::geometry::{Rigid2, Rigid3};
+use drystone::{Breaking, Coordinate, Drive, Joint, JointAxis, StepSettings, World};
+
+use super::*;
+
+/// Returns the settings of all three presets.
+fn all() -> [Preset; 3] {
+    let [bake, real_time] = Preset::both();
+    let quality = Preset { name: "quality", settings: StepSettings::quality(), ..bake.clone() };
+    [bake, real_time, quality]
+}
+
+/// Returns how far a body moves in a second, after it has settled for two. \[m\]
+fn creep<G: Dimension<L, A>, const L: usize, const A: usize>(
+    world: &mut World<G, L, A>,
+    body: BodyId,
+) -> f64 {
+    run(world, 2.0);
+    let before = place(world, body);
+    run(world, 1.0);
+    f64::from((place(world, body) - before).length())
+}
+
+/// Tilts gravity by 15 degrees: bodies with a friction of 0.5 stay.
+fn tilt<G: Dimension<L, A>, const L: usize, const A: usize>(world: &mut World<G, L, A>) {
+    let (sine, cosine) = 15.0f32.to_radians().sin_cos();
+    world.gravity = Vector(v(GRAVITY * sine, -GRAVITY * cosine, 0.0));
+}
+
+/// A plank is held by `blocks` that are welded to each other and to the world. A box lies on it.
+fn on_a_plank<G: Rigid<L, A>, const L: usize, const A: usize>(
+    preset: &Preset,
+    mass: f64,
+    blocks: usize,
+) {
+    let mut world: World<G, L, A> = preset.world();
+    tilt(&mut world);
+    let rough = surface(0.5, 0.0);
+    let mut holder = None;
+    for i in 0..=blocks {
+        let half = if i == blocks { v(2.0, 0.1, 1.0) } else { v(0.2, 0.1, 0.2) };
+        let y = -0.1 - 0.2 * (blocks - i) as f32;
+        let part = dynamic(v(0.0, y, 0.0), G::cuboid(half), &rough);
+        let part = world.add(weighing(part, mass as f32)).unwrap();
+        world.join(Joint::fixed([Some(part), holder]).at(v(0.0, y - 0.1, 0.0))).unwrap();
+        holder = Some(part);
+    }
+    let load = dynamic(v(0.1, 0.2, 0.0), G::cuboid(v(0.2, 0.2, 0.2)), &rough);
+    let load = world.add(weighing(load, 5.0)).unwrap();
+    let of = format!("{L}D, a plank of {mass} kg on {blocks} blocks");
+    preset.below(&format!("creep on {of}"), creep(&mut world, load), 1e-5);
+    let speed = f64::from(velocity(&world, load).linear.length());
+    preset.below(&format!("speed on {of}"), speed, 2e-3);
+}
+
+/// Joints bear half of their load when bodies have moved. Contacts with the bodies they hold know that:
+/// what lies on a slope stays.
+#[test]
+fn boxes_stay_on_what_joints_hold() {
+    for preset in all() {
+        // A few sweeps do not bear what is much lighter than its load.
+        let least = if preset.settings.tolerance > 0.0 { 1.0 } else { 20.0 };
+        for mass in [least, 20.0, 1e4] {
+            for blocks in [0, 2] {
+                on_a_plank::<Rigid3, 3, 3>(&preset, mass, blocks);
+                on_a_plank::<Rigid2, 2, 1>(&preset, mass, blocks);
+            }
+        }
+    }
+}
+
+/// Two fingers on sliders press a box with 1.5 times the force that friction needs.
+#[test]
+fn fingers_hold_a_box() {
+    for preset in all() {
+        for (mass, size) in [(2.0, 0.1), (0.05, 0.02), (50.0, 0.4)] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let rough = surface(0.5, 0.0);
+            let half = size as f32;
+            let held = dynamic([0.0; 3], Rigid3::cuboid([half; 3]), &rough);
+            let held = world.add(weighing(held, mass as f32)).unwrap();
+            for side in [-1.0f32, 1.0] {
+                let shape = Rigid3::cuboid([half, 3.0 * half, 3.0 * half]);
+                let finger = dynamic([2.0 * half * side, 0.0, 0.0], shape, &rough);
+                let finger = world.add(weighing(finger, 0.5 * mass as f32)).unwrap();
+                let press = Drive::velocity(-f64::from(side)).at_most(1.5 * mass * ACCELERATION);
+                let slider = Joint::slider([Some(finger), None]).about([1.0, 0.0, 0.0]);
+                world.join(slider.drive(press)).unwrap();
+            }
+            preset.below(&format!("creep of {mass} kg"), creep(&mut world, held), 1e-3 * size);
+        }
+    }
+}
+
+/// A weld at the end of a lever bears the moment of the weight at the other end: `stretch` is how far
+/// that end yields.
+#[test]
+fn welds_bear_levers() {
+    for preset in Preset::both() {
+        for (size, lever) in [(0.01, 1.0), (0.05, 1.0), (0.5, 1.0), (0.01, 0.1), (0.1, 20.0)] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let moment = 0.4 * size * size;
+            let ball = world.add(ghost([lever, 0.0, 0.0], inertia(1.0, [moment; 3]))).unwrap();
+            world.join(Joint::fixed([Some(ball), None]).at([0.0; 3])).unwrap();
+            run(&mut world, 1.0);
+            let sag = f64::from(place(&world, ball)[1].abs());
+            let bound = 3.0 * f64::from(preset.settings.stretch) + 1e-6 * lever;
+            preset.below(&format!("sag of {size} m at {lever} m"), sag, bound);
+        }
+        let mut world: World<Rigid3, 3, 3> = preset.world();
+        let mut holder = None;
+        for i in 0..40 {
+            let x = 0.025 + 0.05 * f64::from(i);
+            let cube = world.add(ghost([x, 0.0, 0.0], block(1.0, [0.025; 3]))).unwrap();
+            let weld = Joint::fixed([Some(cube), holder]).at([x as f32 - 0.025, 0.0, 0.0]);
+            world.join(weld).unwrap();
+            holder = Some(cube);
+        }
+        run(&mut world, 1.0);
+        let sag = f64::from(place(&world, holder.unwrap())[1].abs());
+        preset.below("sag of a beam of 40 cubes", sag, 40.0 * f64::from(preset.settings.stretch));
+    }
+}
+
+/// A limit stops a body without a bounce, in steps of any length.
+#[test]
+fn limits_do_not_bounce_in_short_steps() {
+    for preset in Preset::both() {
+        for rate in [24.0f32, 60.0, 240.0, 960.0, 2400.0, 1e4] {
+            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let body = world.add(ghost([0.0; 3], inertia(2.0, [0.1; 3]))).unwrap();
+            let slider = Joint::slider([Some(body), None]).about([1.0, 0.0, 0.0]);
+            let axis = JointAxis::limited(Coordinate::Linear(0), [f64::NEG_INFINITY, 0.1]);
+            world.join(slider.along(axis)).unwrap();
+            world.set_velocity(body, in_plane([1.0, 0.0], 0.0)).unwrap();
+            for _ in 0..(0.3 * rate) as usize {
+                world.step(1.0 / rate).unwrap();
+            }
+            let back = f64::from(-velocity(&world, body).linear[0]);
+            preset.below(&format!("speed back at {rate} steps per second"), back, 1e-2);
+        }
+    }
+}
+
+/// A friction of any size holds a body, and does not throw it.
+#[test]
+fn brakes_of_any_size_hold() {
+    for preset in Preset::both() {
+        for most in [1e2, 1e6, 1e10, 1e13, 1e19] {
+            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let body = world.add(ghost([0.5, 0.0, 0.0], block(2.0, [0.1; 3]))).unwrap();
+            let hinge = Joint::hinge([Some(body), None]).about([0.0, 0.0, 1.0]).friction(most);
+            world.join(hinge.at([0.0; 3])).unwrap();
+            run(&mut world, 1.0);
+            let moved = f64::from((place(&world, body) - Vector([0.5, 0.0, 0.0])).length());
+            preset.below(&format!("way with a friction of {most} N m"), moved, 1e-4);
+        }
+    }
+}
+
+/// The load of a joint that turns with its body is the tension, whatever the length of steps: it breaks
+/// what is too weak for it.
+#[test]
+fn turning_loads_are_loads() {
+    const BLADE: f64 = 2.0;
+    for preset in Preset::both() {
+        for (rate, speed) in [(24.0f32, 150.0), (60.0, 150.0), (60.0, 300.0), (240.0, 20.0)] {
+            let tension = BLADE * speed * speed * 0.1;
+            let spin = |breaking: Breaking| {
+                let mut world: World<Rigid3, 3, 3> = preset.weightless();
+                let blade = block(BLADE, [0.1, 0.02, 0.02]);
+                let blade = world.add(ghost([0.1, 0.0, 0.0], blade)).unwrap();
+                let hinge = Joint::hinge([Some(blade), None]).about([0.0, 0.0, 1.0]).at([0.0; 3]);
+                let hinge = world.join(hinge.breaking(breaking)).unwrap();
+                world.set_velocity(blade, in_plane([0.0, 0.1 * speed], speed)).unwrap();
+                for _ in 0..(0.5 * rate) as usize {
+                    world.step(1.0 / rate).unwrap();
+                }
+                world.joint(hinge).unwrap()
+            };
+            let of = format!("at {speed} rad/s and {rate} steps per second");
+            let load = spin(Breaking::NEVER).force;
+            preset.check_of(&format!("load {of}"), load, tension, 4.0 * tension);
+            let broken =
+                |part: f64| spin(Breaking { force: part * tension, ..Breaking::NEVER }).broken;
+            assert!(broken(0.9) && !broken(1.1), "{}, {of}", preset.name);
+        }
+    }
+}
