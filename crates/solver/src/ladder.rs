@@ -64,6 +64,12 @@ impl Method {
         }
     }
 
+    /// Returns true if every iterate keeps locks. What misses them pulls joints apart, however near it is
+    /// by energy.
+    const fn keeps_locks(self) -> bool {
+        matches!(self, Self::Sweeps | Self::Nncg | Self::Newton)
+    }
+
     fn solve<const L: usize, const A: usize>(
         self,
         system: &mut System<f64, L, A>,
@@ -108,7 +114,8 @@ fn solve_by<const L: usize, const A: usize>(
         let error = solution.certificate.error();
         let better = best.as_ref().is_none_or(|(best, ..)| error < best.certificate.error());
         let done = solution.status == Status::Converged;
-        if better {
+        let counts = done || method.keeps_locks() || system.joints.is_empty();
+        if better && counts {
             best = Some((solution, method, system.clone()));
         }
         if done {

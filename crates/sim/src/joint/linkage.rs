@@ -232,7 +232,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     ) {
         let masses = &bodies.inverse_masses;
         self.params.clear();
-        let [low, high] = self.extent(masses);
+        let ([low, high], has_loops) = (self.extent(masses), self.has_loops(masses));
         let mut axes = part.axes.iter();
         let places = self.sides.iter().zip(&self.arms);
         for ((joint, record), (sides, arms)) in part.joints.iter().zip(joints.of(self)).zip(places)
@@ -247,7 +247,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 let mobility = axis.mobility(&own);
                 let is_turn = axis.is_turn() && unit > 0.0;
                 let arm = if is_turn { (unit / mobility).sqrt() } else { 1.0 };
-                let lever = if is_turn { arm.max(reach) } else { 1.0 };
+                let lever = if is_turn && !has_loops { arm.max(reach) } else { arm };
                 let repair = [REPAIR, speed / arm];
                 let strongest = STRONGEST * h * arm / self.compliance;
                 RowParams { h, mobility, arm, lever, compliance: 0.0, repair, strongest }
@@ -541,10 +541,15 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         true
     }
 
+    /// Returns true if joints make loops. Then loads depend on the compliances of locks.
+    fn has_loops(&self, masses: &[InverseMass<f32, L, A>]) -> bool {
+        let moving = self.members.iter().filter(|body| masses[**body as usize].linear > 0.0);
+        self.sides.len() > moving.count()
+    }
+
     /// Returns true if joints make loops and a position misses its lock far.
     fn gapes(&self, joints: ActingJoints<'_>, masses: &[InverseMass<f32, L, A>]) -> bool {
-        let moving = self.members.iter().filter(|body| masses[**body as usize].linear > 0.0);
-        if self.sides.len() <= moving.count() {
+        if !self.has_loops(masses) {
             return false;
         }
         let rows = joints.of(self).flat_map(|record| record.rows.iter().zip(&record.states));

@@ -140,7 +140,7 @@ pub(crate) struct RowParams {
     pub(crate) mobility: f64,
     /// Arm by which a force of a lock is the moment of this row; 1 for a position. \[m, or 1\]
     pub(crate) arm: f64,
-    /// Largest arm by which a weight of the mechanism turns this row; 1 for a position. \[m, or 1\]
+    /// Arm by which the weight of the mechanism turns this row; 1 for a position. \[m, or 1\]
     pub(crate) lever: f64,
     /// Compliance of a lock. \[1/kg, or 1/(kg m^2)\]
     pub(crate) compliance: f64,
