@@ -44,6 +44,9 @@ const MOST_MISS: f64 = 1e-5;
 /// Miss of a joint at which targets follow the path no more, in a solve to a tolerance. \[m, or rad\]
 const LEAST_MISS: f64 = 1e-8;
 
+/// Speed of a body below which it counts as resting for its contacts. \[m/s\]
+const RESTING: f32 = 0.05;
+
 /// Part of the rotation of an arm in a substep that a rotation which is counted counts for: 0.1 rad of
 /// an arm are 1.5 rad of it, and half a turn would be too much. \[1\]
 const COUNTED: f64 = 1.0 / 15.0;
@@ -474,6 +477,27 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Solves all mechanisms for the targets of the substep.
     pub(crate) fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.mechanisms.solve(velocities);
+    }
+
+    /// Finds the bodies with joints that rest, with all that are joined to them.
+    pub(crate) fn find_resting<G: Geometry<L, A>>(
+        &self,
+        bodies: &Bodies<G, L, A>,
+        rests: &mut Vec<bool>,
+    ) {
+        rests.clear();
+        rests.resize(bodies.velocities.len(), false);
+        let is_slow = |&body: &u32| {
+            let (velocity, reach) =
+                (&bodies.velocities[body as usize], bodies.reach[body as usize].core);
+            let turn = velocity.angular.dot(velocity.angular) * reach * reach;
+            velocity.linear.dot(velocity.linear) + turn <= RESTING * RESTING
+        };
+        for linkage in self.linkages.iter().filter(|own| own.members.iter().all(is_slow)) {
+            for &body in &linkage.members {
+                rests[body as usize] = bodies.inverse_masses[body as usize] != InverseMass::FIXED;
+            }
+        }
     }
 
     /// Solves the mechanisms of which a body touches another one.

@@ -28,6 +28,10 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     /// Displacements of a substep before bodies move, where contacts of bodies with joints need them
     /// ([`Lead`](drystone_solver::lanes::Lead)).
     pub(crate) offsets: Vec<Velocity<f32, L, A>>,
+    /// Velocities at the start of the substep, for the same contacts.
+    pub(crate) before: Vec<Velocity<f32, L, A>>,
+    /// Whether each body has joints and rests then, with all that are joined to it.
+    pub(crate) rests: Vec<bool>,
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     /// M^-1 of bodies that the solve of a substep sees with another inertia.
@@ -62,6 +66,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             prospective: Vec::new(),
             displacements: Vec::new(),
             offsets: Vec::new(),
+            before: Vec::new(),
+            rests: Vec::new(),
             force_gains: Vec::new(),
             true_masses: Vec::new(),
             start: SubstepStart::default(),

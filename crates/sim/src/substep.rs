@@ -305,8 +305,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (collisions, broken) = (report.collisions, self.solver.joints.snapped());
         let leads = plan.solving && self.solver.joints.touch();
         if leads {
-            let StepScratch { displacements, offsets, .. } = &mut self.scratch;
+            let StepScratch { displacements, offsets, before, rests, .. } = &mut self.scratch;
             offsets.clone_from(displacements);
+            before.clone_from(&self.bodies.velocities);
+            self.solver.joints.find_resting(&self.bodies, rests);
         }
         self.accelerate(plan, renewed, timer, report);
         let turning = self.context().warm_start(substep, renewed, &plan.params);
@@ -459,9 +461,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.context().run_belts(params, substep);
         }
         if plan.solving && self.solver.joints.touch() {
-            let StepScratch { displacements, offsets, .. } = &self.scratch;
-            let (has_joint, repair) = (&self.bodies.has_joint[..], params.repair);
-            self.solver.lanes.lead(&Lead { displacements, offsets, has_joint, repair });
+            let StepScratch { displacements, offsets, before: velocities, rests, .. } =
+                &self.scratch;
+            let repair = params.repair;
+            self.solver.lanes.lead(&Lead { displacements, offsets, velocities, rests, repair });
         }
         if saving {
             self.save(params.h);

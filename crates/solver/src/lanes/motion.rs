@@ -102,11 +102,16 @@ pub struct Lead<'a, const L: usize, const A: usize> {
     pub displacements: &'a [Velocity<f32, L, A>],
     /// The part of them that is meant here. \[m, rad\]
     pub offsets: &'a [Velocity<f32, L, A>],
-    /// Whether each body has joints.
-    pub has_joint: &'a [bool],
+    /// Velocities at the start of the substep. What slides or strikes has no place to keep.
+    pub velocities: &'a [Velocity<f32, L, A>],
+    /// Whether each body has joints and rests, with all that are joined to it.
+    pub rests: &'a [bool],
     /// Parameters with which targets have been set.
     pub repair: Repair<f32>,
 }
+
+/// Speed of two surfaces up to which their contact is at rest. Beyond twice that it is not. \[m/s\]
+const SLOW: f32 = 0.05;
 
 impl<const L: usize, const A: usize> Lead<'_, L, A> {
     /// Takes the offsets out of targets that have been set, so that points in contact keep their places,
@@ -119,19 +124,23 @@ impl<const L: usize, const A: usize> Lead<'_, L, A> {
         shifts: &mut [Vector<V, L>],
     ) {
         let Repair { dt, rate, stick_rate, .. } = self.repair;
-        let is_jointed = |body: u32| self.has_joint.get(body as usize) == Some(&true);
-        let counts = |lane: usize| f32::from(block.bodies.iter().any(|of| is_jointed(of[lane])));
+        let rests = |body: u32| self.rests.get(body as usize) == Some(&true);
+        let counts = |lane: usize| f32::from(block.bodies.iter().any(|of| rests(of[lane])));
         let counts = V::from_array(std::array::from_fn(counts));
         let twist = |of: &[Velocity<f32, L, A>]| {
             let [a, b] = block.gather_from(0, of);
             block.manifold.frame.twist(&a, &b)
         };
         let (moved, offset) = (twist(self.displacements), twist(self.offsets));
+        let before = twist(self.velocities);
         let of_slip = counts * splat(1.0 / dt - stick_rate);
         let of_overlap = counts * splat((1.0 - rate) / dt);
         for (contact, shift) in points.iter_mut().zip(shifts) {
             let gap = contact.gap[0] + contact.normal_velocity(&moved);
-            let offset = contact.relative_velocity(&offset);
+            let speed = contact.relative_velocity(&before);
+            let speed = speed.dot(speed).sqrt() * splat(1.0 / SLOW);
+            let rests = (splat::<V>(2.0) - speed).max(V::ZERO).min(splat(1.0));
+            let offset = contact.relative_velocity(&offset) * rests;
             *shift = offset * of_slip;
             shift[0] = gap.choose(V::ZERO, offset[0] * of_overlap);
             contact.target -= *shift;
