@@ -479,23 +479,24 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.mechanisms.solve(velocities);
     }
 
-    /// Finds the bodies with joints that rest, with all that are joined to them.
+    /// Finds for each body with joints whether it rests, with all that are joined to it.
     pub(crate) fn find_resting<G: Geometry<L, A>>(
         &self,
         bodies: &Bodies<G, L, A>,
-        rests: &mut Vec<bool>,
+        rests: &mut Vec<Option<bool>>,
     ) {
         rests.clear();
-        rests.resize(bodies.velocities.len(), false);
+        rests.resize(bodies.velocities.len(), None);
         let is_slow = |&body: &u32| {
             let (velocity, reach) =
                 (&bodies.velocities[body as usize], bodies.reach[body as usize].core);
             let turn = velocity.angular.dot(velocity.angular) * reach * reach;
             velocity.linear.dot(velocity.linear) + turn <= RESTING * RESTING
         };
-        for linkage in self.linkages.iter().filter(|own| own.members.iter().all(is_slow)) {
-            for &body in &linkage.members {
-                rests[body as usize] = bodies.inverse_masses[body as usize] != InverseMass::FIXED;
+        for linkage in &self.linkages {
+            let all_rest = linkage.members.iter().all(is_slow);
+            for body in linkage.members.iter().map(|&body| body as usize) {
+                rests[body] = Some(all_rest && bodies.inverse_masses[body] != InverseMass::FIXED);
             }
         }
     }

@@ -30,8 +30,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) offsets: Vec<Velocity<f32, L, A>>,
     /// Velocities at the start of the substep, for the same contacts.
     pub(crate) before: Vec<Velocity<f32, L, A>>,
-    /// Whether each body has joints and rests then, with all that are joined to it.
-    pub(crate) rests: Vec<bool>,
+    /// For each body with joints, whether it rests then, with all that are joined to it.
+    pub(crate) rests: Vec<Option<bool>>,
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     /// M^-1 of bodies that the solve of a substep sees with another inertia.

@@ -104,8 +104,8 @@ pub struct Lead<'a, const L: usize, const A: usize> {
     pub offsets: &'a [Velocity<f32, L, A>],
     /// Velocities at the start of the substep. What slides or strikes has no place to keep.
     pub velocities: &'a [Velocity<f32, L, A>],
-    /// Whether each body has joints and rests, with all that are joined to it.
-    pub rests: &'a [bool],
+    /// For each body with joints, whether it rests, with all that are joined to it.
+    pub rests: &'a [Option<bool>],
     /// Parameters with which targets have been set.
     pub repair: Repair<f32>,
 }
@@ -124,8 +124,14 @@ impl<const L: usize, const A: usize> Lead<'_, L, A> {
         shifts: &mut [Vector<V, L>],
     ) {
         let Repair { dt, rate, stick_rate, .. } = self.repair;
-        let rests = |body: u32| self.rests.get(body as usize) == Some(&true);
-        let counts = |lane: usize| f32::from(block.bodies.iter().any(|of| rests(of[lane])));
+        // Contacts of bodies of one mechanism bear what its joints take back.
+        let rests = |side: usize, lane: usize| {
+            self.rests.get(block.bodies[side][lane] as usize).copied().flatten()
+        };
+        let counts = |lane: usize| match [rests(0, lane), rests(1, lane)] {
+            [Some(true), None] | [None, Some(true)] => 1.0,
+            _ => 0.0,
+        };
         let counts = V::from_array(std::array::from_fn(counts));
         let twist = |of: &[Velocity<f32, L, A>]| {
             let [a, b] = block.gather_from(0, of);
