@@ -218,10 +218,12 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.mechanisms.set_pool(pool);
     }
 
-    /// Finds the mechanisms of which a body touches another one.
-    pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> bool) {
+    /// Finds the mechanisms of which a body touches another one, and those of which it touches one
+    /// without joints.
+    pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> [bool; 2]) {
         for linkage in &mut self.linkages {
-            linkage.touches = linkage.members.iter().any(|&body| touches(body));
+            linkage.touches = linkage.members.iter().any(|&body| touches(body)[0]);
+            linkage.meets = linkage.members.iter().any(|&body| touches(body)[1]);
         }
     }
 
@@ -481,7 +483,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Finds for each body with joints whether it rests, with all that are joined to it.
     pub(crate) fn find_resting<G: Geometry<L, A>>(
-        &self,
+        &mut self,
         bodies: &Bodies<G, L, A>,
         rests: &mut Vec<Option<bool>>,
     ) {
@@ -493,18 +495,21 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let turn = velocity.angular.dot(velocity.angular) * reach * reach;
             velocity.linear.dot(velocity.linear) + turn <= RESTING * RESTING
         };
-        for linkage in &self.linkages {
+        for linkage in &mut self.linkages {
             let all_rest = linkage.members.iter().all(is_slow);
+            linkage.leads = all_rest && linkage.meets;
             for body in linkage.members.iter().map(|&body| body as usize) {
                 rests[body] = Some(all_rest && bodies.inverse_masses[body] != InverseMass::FIXED);
             }
         }
     }
 
-    /// Solves the mechanisms of which a body touches another one.
-    pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+    /// Solves the mechanisms of which a body touches another one; of an `exact` solve only those that
+    /// rest ([`Lead`](drystone_solver::lanes::Lead)).
+    pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>], exact: bool) {
         let Self { mechanisms, linkages, .. } = self;
-        mechanisms.solve_those(linkages.iter().map(|linkage| linkage.touches), velocities);
+        let is_due = |of: &Linkage<L, A>| if exact { of.leads } else { of.touches };
+        mechanisms.solve_those(linkages.iter().map(is_due), velocities);
     }
 
     /// Returns true if a joint that acts may break.

@@ -39,6 +39,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) start: SubstepStart<L, A>,
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
+    /// Whether each body touches one without joints.
+    pub(crate) met: Vec<bool>,
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of the last step, if they are recorded.
     pub(crate) impulses: ImpulseRecord<L, A>,
@@ -72,6 +74,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             true_masses: Vec::new(),
             start: SubstepStart::default(),
             touched: Vec::new(),
+            met: Vec::new(),
             ledger: LedgerBuilder::default(),
             impulses: ImpulseRecord::default(),
         }

@@ -408,7 +408,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 self.solver.lanes.follow();
             }
             // Contacts see bodies that joints have stopped.
-            self.solver.joints.solve_touching(&mut self.bodies.velocities);
+            self.solver.joints.solve_touching(&mut self.bodies.velocities, plan.solving);
         }
         timer.lap(Stage::Joints);
         self.context().relax(renewed, fastest, &plan.params);

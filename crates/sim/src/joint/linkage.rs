@@ -101,8 +101,11 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pulled: Vec<Pulls>,
     /// True if pulls add inertia.
     pub(crate) is_stiffened: bool,
-    /// True if a body touches another one.
+    /// True if a body touches another one; and if it touches one without joints.
     pub(crate) touches: bool,
+    pub(crate) meets: bool,
+    /// True if it meets one while all its bodies rest.
+    pub(crate) leads: bool,
     /// True if the targets are to follow the path that the joints leave.
     pub(crate) aims: bool,
     /// Largest change of a target when they were set last. \[m/s, or rad/s\]
@@ -174,6 +177,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             pulled: vec![Pulls::NONE; count],
             is_stiffened: false,
             touches: false,
+            meets: false,
+            leads: false,
             aims: false,
             change: 0.0,
         }

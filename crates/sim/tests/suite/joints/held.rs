@@ -62,8 +62,7 @@ fn blocks_hang_from_edges_that_touch() {
                 for [gap, rise] in both {
                     let name = format!("blocks of {half} m hinged {inset} from their edges");
                     preset.below(&format!("gap of {name}"), gap, 20.0 * preset.gap);
-                    // Joints relax before contacts that press against them.
-                    preset.below(&format!("energy of {name}"), rise, preset.energy.max(0.03));
+                    preset.below(&format!("energy of {name}"), rise, preset.energy);
                 }
             }
         }
