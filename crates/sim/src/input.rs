@@ -162,11 +162,13 @@ impl Display for InputError {
             }
             Self::OutOfRange { item, value, accepted: [least, most] } => {
                 write!(f, "{item} is {value}; accepted: ")?;
-                match *least {
-                    f64::MIN_POSITIVE => f.write_str("above 0")?,
-                    least => write!(f, "from {least}")?,
+                match (*least, *most) {
+                    (f64::MIN, f64::MAX) => f.write_str("a finite number"),
+                    (f64::MIN_POSITIVE, f64::MAX) => f.write_str("a finite number above 0"),
+                    (least, f64::MAX) => write!(f, "a finite number from {least}"),
+                    (f64::MIN_POSITIVE, most) => write!(f, "above 0, to {most}"),
+                    (least, most) => write!(f, "from {least} to {most}"),
                 }
-                if *most == f64::MAX { Ok(()) } else { write!(f, " to {most}") }
             }
             Self::NoMass => f.write_str(
                 "the shapes of the dynamic body have no mass; \

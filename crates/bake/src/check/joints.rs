@@ -17,6 +17,7 @@ const SINGULAR: f64 = 80.0 * std::f64::consts::PI / 180.0;
 /// Finds joints that their bodies do not fit at the start. `states` has all joints of the scene as
 /// they are then, and `masses` those of the bodies.
 pub(super) fn joints(scene: &Scene, states: &[JointState], masses: &[f64]) -> Vec<Finding> {
+    let standing = standing(scene);
     let all = scene.joints.iter().zip(states).enumerate();
     let acting = all.filter(|(_, (joint, _))| joint.enabled);
     acting
@@ -27,7 +28,7 @@ pub(super) fn joints(scene: &Scene, states: &[JointState], masses: &[f64]) -> Ve
             findings.extend(at.idle(masses));
             findings.extend(at.mass_ratio(masses));
             findings.extend(at.singular());
-            findings.extend(at.housing());
+            findings.extend(at.housing(&standing));
             findings
         })
         .collect()
@@ -170,21 +171,19 @@ impl JointAt<'_> {
         })
     }
 
-    /// Finds a body that moves and holds one of a gear or a rack, which measures against the world.
-    fn housing(&self) -> Option<Finding> {
-        let is_gear = |axis: &JointAxis| {
-            matches!(axis.coordinate, Coordinate::Gear { .. } | Coordinate::Rack { .. })
-        };
-        if !self.joint.axes.iter().any(is_gear) {
+    /// Finds a body that turns and bears one of a gear or a rack, which measures against the world.
+    fn housing(&self, standing: &[bool]) -> Option<Finding> {
+        if !self.joint.axes.iter().any(is_geared) {
             return None;
         }
         let own = |body: usize| self.joint.bodies.contains(&Some(body));
-        let moves = |body: &usize| self.scene.bodies[*body].motion != Motion::Static;
-        let holders = self.scene.joints.iter().filter_map(|joint| match joint.bodies {
+        let bearings = self.scene.joints.iter().filter(|joint| locked_rotations(joint) >= 2);
+        let holders = bearings.filter_map(|joint| match joint.bodies {
             [Some(a), Some(b)] if own(a) != own(b) => Some(if own(a) { b } else { a }),
             _ => None,
         });
-        let holder = self.scene.name_of(holders.filter(moves).min()?);
+        let turns = |body: &usize| !standing[*body];
+        let holder = self.scene.name_of(holders.filter(turns).min()?);
         Some(Finding {
             value: None,
             limit: None,
@@ -235,6 +234,39 @@ impl JointAt<'_> {
             advice: advice.to_owned(),
         }
     }
+}
+
+/// Returns for each body whether it keeps its rotation: it is static, or joints hold it to one that is.
+fn standing(scene: &Scene) -> Vec<bool> {
+    let mut standing: Vec<_> =
+        scene.bodies.iter().map(|body| body.motion == Motion::Static).collect();
+    let holds = |joint: &&Joint| locked_rotations(joint) == 3;
+    loop {
+        let mut found = false;
+        for joint in scene.joints.iter().filter(holds) {
+            if joint.bodies.iter().any(|body| body.is_none_or(|body| standing[body])) {
+                for body in joint.bodies.into_iter().flatten() {
+                    found |= !std::mem::replace(&mut standing[body], true);
+                }
+            }
+        }
+        if !found {
+            return standing;
+        }
+    }
+}
+
+/// Returns the number of relative rotations that a joint takes from its bodies.
+fn locked_rotations(joint: &Joint) -> usize {
+    let locks = |axis: &&JointAxis| {
+        is_locked(axis) && axis.softness.is_none() && is_angle(&axis.coordinate) && !is_geared(axis)
+    };
+    if joint.enabled { joint.axes.iter().filter(locks).count() } else { 0 }
+}
+
+/// Returns true for a coordinate of rotations that are measured in the world.
+fn is_geared(axis: &JointAxis) -> bool {
+    matches!(axis.coordinate, Coordinate::Gear { .. } | Coordinate::Rack { .. })
 }
 
 fn is_locked(axis: &JointAxis) -> bool {

@@ -174,6 +174,23 @@ fn gears_in_a_housing_that_moves_are_found() {
     };
     assert_eq!(one(&gears("mass = 1")).0, "joint_housing");
     assert_eq!(findings(&gears("motion = \"static\"")), []);
+    // A housing that another joint keeps from turning does not move the wheels.
+    let welded = "[[joints]]\ntype = \"fixed\"\nbodies = [\"housing\"]\n";
+    assert_eq!(findings(&(gears("mass = 1") + welded)), []);
+    // A wheel that meshes with a second one is no housing.
+    let arbor = |body: &str| {
+        format!("[[joints]]\ntype = \"hinge\"\nbodies = [\"{body}\"]\naxis = [0, 1, 0]\n")
+    };
+    let mesh = |a: &str, b: &str| {
+        format!(
+            "[[joints]]\ntype = \"gear\"\nbodies = [\"{a}\", \"{b}\"]\naxis = [0, 1, 0]\nratio = 1\n"
+        )
+    };
+    let wheels = ["a", "b", "c"];
+    let cubes = |(i, name): (usize, &&str)| cube(name, 0.5, [2.0 * i as f64, 0.0, 0.0], "mass = 1");
+    let train: String = wheels.iter().enumerate().map(cubes).chain(wheels.map(arbor)).collect();
+    let train = format!("gravity = [0, 0, 0]\n{train}{}{}", mesh("a", "b"), mesh("b", "c"));
+    assert_eq!(findings(&train), []);
 }
 
 #[test]

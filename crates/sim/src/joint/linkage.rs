@@ -11,7 +11,7 @@ use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Vector, Velocity};
 use super::coordinates::{JointPlaces, Place, Turn, Vec3, cross};
 use super::places::{BodyPlaces, flattened, in_space};
 use super::record::{JointRecord, RowState, WORLD};
-use super::rows::{Motion, Role, RowParams};
+use super::rows::{Motion, Role, RowParams, RowPlan};
 use super::tension::{self, Pulls};
 use crate::bodies::{Bodies, Inertia};
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
@@ -528,18 +528,19 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         if work.min(gain) <= most {
             return false;
         }
-        let rows = joints.of(self).flat_map(|record| &record.rows);
-        let locks = part.axes.iter_mut().zip(&self.params).zip(rows);
-        let mut locks: Vec<_> = locks
-            .filter(|((_, params), row)| row.role.is_rigid_lock() && params.mobility > 0.0)
-            .map(|((axis, params), _)| (&mut axis.law, params.mobility))
-            .collect();
-        let wanted = locks.iter().map(|(law, mobility)| law.targets[0].powi(2) / mobility);
+        let rows = || joints.of(self).flat_map(|record| &record.rows).zip(&self.params);
+        let is_lock = |(row, params): (&RowPlan, &RowParams)| {
+            row.role.is_rigid_lock() && params.mobility > 0.0
+        };
+        let locks = part.axes.iter().zip(rows()).filter(|(_, row)| is_lock(*row));
+        let wanted = locks.map(|(axis, (_, of))| axis.law.targets[0].powi(2) / of.mobility);
         let softness = (wanted.sum::<f64>() / (2.0 * SOFTENED * energy)).min(LIMP);
         let taming = if self.gapes(joints, masses) { taming } else { Taming::Stop };
-        for (law, mobility) in &mut locks {
+        for (axis, (_, params)) in part.axes.iter_mut().zip(rows()).filter(|(_, row)| is_lock(*row))
+        {
+            let law = &mut axis.law;
             match taming {
-                Taming::Soften => law.compliance = law.compliance.max(softness * *mobility),
+                Taming::Soften => law.compliance = law.compliance.max(softness * params.mobility),
                 Taming::Stop => law.targets = [0.0; 2],
             }
         }

@@ -1,9 +1,9 @@
 //! Sparse LU factorization of block matrices, with one block per pair of coupled contacts.
 //!
 //! Pivots stay within the diagonal blocks, so the structure of the factors is known in advance and
-//! found once per problem ([`Structure`]). This is stable for positive definite matrices. It is nearly stable for those of
-//! [`proximal`](super::proximal), whose shift keeps the blocks away from zero; refinement there
-//! removes rounding errors.
+//! found once per problem ([`Structure`]). This is stable for positive definite matrices, and nearly
+//! stable for those of [`proximal`](super::proximal), whose shift keeps the blocks away from zero;
+//! refinement there removes rounding errors.
 
 use super::blocks::{Block, Blocks};
 use super::matrices::Matrix;

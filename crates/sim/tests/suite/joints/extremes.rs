@@ -226,7 +226,7 @@ fn a_net_in_one_plane_holds() {
                 gap = gap.max(world.step(DT).unwrap().joint_gap[0]);
             }
             let name = if by_corners { "corners" } else { "an edge" };
-            preset.below(&format!("gap of a net held by {name}"), gap, 0.2);
+            preset.below(&format!("gap of a net held by {name}"), gap, 0.02);
         }
     }
 }

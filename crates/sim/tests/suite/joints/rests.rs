@@ -5,6 +5,8 @@ use drystone::{Breaking, Coordinate, Drive, Joint, JointAxis, StepSettings, Worl
 
 use super::*;
 
+type World3 = World<Rigid3, 3, 3>;
+
 /// Returns the settings of all three presets.
 fn all() -> [Preset; 3] {
     let [bake, real_time] = Preset::both();
@@ -76,7 +78,7 @@ fn boxes_stay_on_what_joints_hold() {
 fn fingers_hold_a_box() {
     for preset in all() {
         for (mass, size) in [(2.0, 0.1), (0.05, 0.02), (50.0, 0.4)] {
-            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let mut world: World3 = preset.world();
             let rough = surface(0.5, 0.0);
             let half = size as f32;
             let held = dynamic([0.0; 3], Rigid3::cuboid([half; 3]), &rough);
@@ -100,7 +102,7 @@ fn fingers_hold_a_box() {
 fn welds_bear_levers() {
     for preset in Preset::both() {
         for (size, lever) in [(0.01, 1.0), (0.05, 1.0), (0.5, 1.0), (0.01, 0.1), (0.1, 20.0)] {
-            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let mut world: World3 = preset.world();
             let moment = 0.4 * size * size;
             let ball = world.add(ghost([lever, 0.0, 0.0], inertia(1.0, [moment; 3]))).unwrap();
             world.join(Joint::fixed([Some(ball), None]).at([0.0; 3])).unwrap();
@@ -109,7 +111,7 @@ fn welds_bear_levers() {
             let bound = 3.0 * f64::from(preset.settings.stretch) + 1e-6 * lever;
             preset.below(&format!("sag of {size} m at {lever} m"), sag, bound);
         }
-        let mut world: World<Rigid3, 3, 3> = preset.world();
+        let mut world: World3 = preset.world();
         let mut holder = None;
         for i in 0..40 {
             let x = 0.025 + 0.05 * f64::from(i);
@@ -129,7 +131,7 @@ fn welds_bear_levers() {
 fn limits_do_not_bounce_in_short_steps() {
     for preset in Preset::both() {
         for rate in [24.0f32, 60.0, 240.0, 960.0, 2400.0, 1e4] {
-            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let mut world: World3 = preset.weightless();
             let body = world.add(ghost([0.0; 3], inertia(2.0, [0.1; 3]))).unwrap();
             let slider = Joint::slider([Some(body), None]).about([1.0, 0.0, 0.0]);
             let axis = JointAxis::limited(Coordinate::Linear(0), [f64::NEG_INFINITY, 0.1]);
@@ -149,7 +151,7 @@ fn limits_do_not_bounce_in_short_steps() {
 fn brakes_of_any_size_hold() {
     for preset in Preset::both() {
         for most in [1e2, 1e6, 1e10, 1e13, 1e19] {
-            let mut world: World<Rigid3, 3, 3> = preset.world();
+            let mut world: World3 = preset.world();
             let body = world.add(ghost([0.5, 0.0, 0.0], block(2.0, [0.1; 3]))).unwrap();
             let hinge = Joint::hinge([Some(body), None]).about([0.0, 0.0, 1.0]).friction(most);
             world.join(hinge.at([0.0; 3])).unwrap();
@@ -169,7 +171,7 @@ fn turning_loads_are_loads() {
         for (rate, speed) in [(24.0f32, 150.0), (60.0, 150.0), (60.0, 300.0), (240.0, 20.0)] {
             let tension = BLADE * speed * speed * 0.1;
             let spin = |breaking: Breaking| {
-                let mut world: World<Rigid3, 3, 3> = preset.weightless();
+                let mut world: World3 = preset.weightless();
                 let blade = block(BLADE, [0.1, 0.02, 0.02]);
                 let blade = world.add(ghost([0.1, 0.0, 0.0], blade)).unwrap();
                 let hinge = Joint::hinge([Some(blade), None]).about([0.0, 0.0, 1.0]).at([0.0; 3]);
