@@ -36,6 +36,9 @@ pub enum FindingKind {
     TooFast,
     /// Two keys of a kinematic body are a jump: the speed that it implies. \[m/s\]
     Jump,
+    /// A key of a kinematic body or of its mesh is between two steps, and no step reaches it: by how much
+    /// it is missed. \[m\]
+    MissedKey,
     /// A body is very large: its largest extent. \[m\]
     TooLarge,
     /// A body is very thin: its thickness. \[m\]
@@ -79,13 +82,14 @@ pub enum FindingKind {
 
 impl FindingKind {
     /// All kinds, in their order.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::Overlap,
         Self::Wedged,
         Self::MassRatio,
         Self::Frictionless,
         Self::TooFast,
         Self::Jump,
+        Self::MissedKey,
         Self::TooLarge,
         Self::TooSmall,
         Self::TooFar,
@@ -180,7 +184,7 @@ pub fn check_with(
     findings.extend(contacts::frictionless(scene, &near, &masses));
     findings.extend(motion::too_fast(scene, settings));
     findings.extend(motion::deforms_too_fast(scene, settings));
-    findings.extend(jumps(scene));
+    findings.extend(keys(scene));
     findings.extend(sizes::sizes(scene));
     findings.extend(scales::scales(read));
     findings.extend(meshes::meshes(scene));
@@ -205,9 +209,10 @@ pub fn check_with(
     Ok(findings)
 }
 
-/// Returns the largest jump of each kinematic body that has one.
-pub fn jumps(scene: &Scene) -> Vec<Finding> {
-    motion::jumps(scene)
+/// Returns what is wrong with the keys of kinematic bodies: of each the largest jump, and the key that it
+/// misses by most.
+pub fn keys(scene: &Scene) -> Vec<Finding> {
+    [motion::jumps(scene), motion::missed_keys(scene)].concat()
 }
 
 /// Returns the unit vector against gravity; zero without gravity.

@@ -16,7 +16,7 @@ use std::num::NonZero;
 use std::{fmt, thread};
 
 use drystone::StepSettings;
-use drystone_bake::check::{decompositions, jumps};
+use drystone_bake::check::{decompositions, keys};
 use drystone_bake::recording::journal::Header;
 use drystone_bake::{AnyWorld, Decompositions};
 use drystone_scene::{Read, Scene};
@@ -41,7 +41,7 @@ pub(crate) fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let outputs = Outputs::new(arguments)?;
     let read = drystone_bake::read(&arguments.scene)?;
     print_warnings(arguments, read.warnings.iter());
-    print_warnings(arguments, jumps(&read.scene).into_iter().map(|of| of.what));
+    print_warnings(arguments, keys(&read.scene).into_iter().map(|of| of.what));
     outputs.spare_layers(&read)?;
     arguments.frame_options.check(&read)?;
     outputs.check_folders()?;

@@ -6,8 +6,8 @@ use crate::ids::{BodyId, JointId, put};
 use crate::input::{self, InputError, JointFault};
 use crate::joint::coordinates::{JointOrigin, Place, Vec3, gear_axis};
 use crate::joint::places::place;
-use crate::joint::record::{JointRecord, RowState, WORLD};
-use crate::joint::rows;
+use crate::joint::record::{JointRecord, WORLD};
+use crate::joint::rows::{self, RowState};
 use crate::joint::{Breaking, Coordinate, Drive, Joint, JointAxis, JointFrames, JointState};
 use crate::world::World;
 

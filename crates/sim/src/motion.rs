@@ -53,6 +53,8 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
     /// Displacements since the part began.
     pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
+    /// Velocities that springs give to bodies in the substep, if there are any.
+    pub(crate) spring_gains: &'a [Velocity<f32, L, A>],
     /// M^-1 J^T gamma of the last warm start.
     pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
@@ -70,7 +72,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
         prospective: &'a mut [Velocity<f32, L, A>],
-        displacements: &'a mut [Velocity<f32, L, A>],
+        [displacements, spring_gains]: [&'a mut [Velocity<f32, L, A>]; 2],
         pool: &'a ThreadPool,
     ) -> Self {
         let own = bodies.in_motion();
@@ -79,6 +81,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             velocities: own.velocities,
             prospective,
             displacements,
+            spring_gains,
             contact_gains: own.contact_gains,
             poses: own.poses,
             spin_states: own.spin_states,
@@ -191,15 +194,16 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// rolling and rocking bodies move with second-order accuracy in h, too. An impact has no
     /// constant part. What joints take of it again is not in p: a light body between a heavy one and
     /// the floor would be displaced by h^2 / 2 times a large acceleration that it does not have. So
-    /// of p of bodies with joints counts only what is [borne](borne) by themselves. Returns true if
-    /// any body rotates ([`kinematics`](drystone_solver::kinematics)).
+    /// of p of bodies with joints counts only what is [borne](borne) by themselves, or by springs. These
+    /// add their own gains to p. Returns true if any body rotates
+    /// ([`kinematics`](drystone_solver::kinematics)).
     pub(crate) fn offset_displacements(&mut self, params: &SubstepParams<L>) -> bool {
         let SubstepParams { gravity, h, .. } = *params;
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks(share).zip(self.prospective.chunks(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let turning = AtomicBool::new(false);
-        let (first, properties) = (self.first, self.properties);
+        let (first, properties, springs) = (self.first, self.properties, self.spring_gains);
         self.pool.for_each(
             useful,
             moved.zip(self.contact_gains.chunks_mut(share)).enumerate(),
@@ -213,17 +217,16 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
                     any |= needs_renewal(velocity.angular);
                     let now = *velocity - *prospective;
                     let before = std::mem::replace(contact_gain, now);
-                    let constant = Velocity {
+                    let mut constant = Velocity {
                         linear: common(now.linear, before.linear),
                         angular: common(now.angular, before.angular),
                     };
-                    let share = match properties.has_joint(body) {
-                        true => {
-                            borne(&constant, properties.gravity_on(body, gravity).length() * h, h)
-                        }
-                        false => 1.0,
-                    };
-                    *displacement -= constant * (0.5 * h * share);
+                    if properties.has_joint(body) {
+                        let spring = springs.get(body).copied().unwrap_or(Velocity::ZERO);
+                        let weight = properties.gravity_on(body, gravity).length() * h;
+                        constant = constant * borne(&constant, &spring, weight, h) + spring;
+                    }
+                    *displacement -= constant * (0.5 * h);
                 }
                 if any {
                     turning.store(true, Ordering::Relaxed);
@@ -279,11 +282,19 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
 }
 
 /// Returns the share of the constant gain of a substep of `h` \[s\] up to which contacts bear a body
-/// itself, which would gain `weight` \[m/s\] by gravity alone.
-fn borne<const L: usize, const A: usize>(gain: &Velocity<f32, L, A>, weight: f32, h: f32) -> f32 {
-    let (speed, turn) = (gain.linear.length(), gain.angular * h);
-    let share = |of: f32, most: f32| if of > most { most / of } else { 1.0 };
-    share(speed, MOST_BORNE * weight).min(share(turn.length(), MOST_TURN))
+/// itself, which would gain `weight` \[m/s\] by gravity alone, and what a `spring` gives it.
+fn borne<const L: usize, const A: usize>(
+    gain: &Velocity<f32, L, A>,
+    spring: &Velocity<f32, L, A>,
+    weight: f32,
+    h: f32,
+) -> f32 {
+    let share = |own: f32, all: f32, most: f32| if all.min(own) > most { most / own } else { 1.0 };
+    let all = *gain + *spring;
+    let most = (MOST_BORNE * weight).max(spring.linear.length());
+    let of_speed = share(gain.linear.length(), all.linear.length(), most);
+    let most = (MOST_TURN / h).max(spring.angular.length());
+    of_speed.min(share(gain.angular.length(), all.angular.length(), most))
 }
 
 /// Speeds of the bodies in a substep.

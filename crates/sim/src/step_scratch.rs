@@ -25,6 +25,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     /// Displacements since the last contact search.
     pub(crate) displacements: Vec<Velocity<f32, L, A>>,
+    /// Velocities that [standing springs](crate::joint::rows) give to bodies in a substep, if there are any.
+    pub(crate) spring_gains: Vec<Velocity<f32, L, A>>,
     /// Displacements of a substep before bodies move, where contacts of bodies with joints need them
     /// ([`Lead`](drystone_solver::lanes::Lead)).
     pub(crate) offsets: Vec<Velocity<f32, L, A>>,
@@ -67,6 +69,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             patches: Patches::default(),
             prospective: Vec::new(),
             displacements: Vec::new(),
+            spring_gains: Vec::new(),
             offsets: Vec::new(),
             before: Vec::new(),
             rests: Vec::new(),

@@ -229,10 +229,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Returns all bodies and their contacts as one context.
     fn context(&mut self) -> SubstepContext<'_, G, L, A> {
-        let StepScratch { prospective, displacements, .. } = &mut self.scratch;
+        let StepScratch { prospective, displacements, spring_gains, .. } = &mut self.scratch;
         let contacts = self.solver.lanes.whole(&mut self.contacts.cache.impulses);
         let pool = &self.execution.pool;
-        let bodies = MovingBodies::new(&mut self.bodies, prospective, displacements, pool);
+        let bodies =
+            MovingBodies::new(&mut self.bodies, prospective, [displacements, spring_gains], pool);
         SubstepContext { contacts, bodies }
     }
 
@@ -308,9 +309,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let StepScratch { displacements, offsets, before, rests, .. } = &mut self.scratch;
             offsets.clone_from(displacements);
             before.clone_from(&self.bodies.velocities);
-            self.solver.joints.find_resting(&self.bodies, rests);
+            let gain = self.gravity.length() * plan.params.h;
+            self.solver.joints.find_resting(&self.bodies, gain, rests);
         }
         self.accelerate(plan, renewed, timer, report);
+        self.solver
+            .joints
+            .find_standing(&self.bodies.inverse_masses, &mut self.scratch.spring_gains);
         let turning = self.context().warm_start(substep, renewed, &plan.params);
         if leads {
             let StepScratch { displacements, offsets, .. } = &mut self.scratch;
@@ -402,7 +407,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Takes out the velocities of repair, of contacts and of joints.
     fn relax(&mut self, renewed: bool, fastest: f32, plan: &PartPlan<L>, timer: &mut StageTimer) {
-        self.solver.joints.begin_relaxing();
+        let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
+        self.solver.joints.begin_relaxing(velocities, inverse_masses);
         if self.solver.joints.touch() {
             if plan.solving {
                 self.solver.lanes.follow();

@@ -39,6 +39,7 @@ KINDS = {
     "frictionless": " without friction below a load: likely to slide away",
     "too_fast": " fast and thin enough to tunnel",
     "jump": " with a jump between two keys",
+    "missed_key": " with a key between two steps that is missed",
     "too_large": " very large",
     "too_small": " very thin",
     "too_far": " far from the origin",

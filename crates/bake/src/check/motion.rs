@@ -3,12 +3,15 @@
 use super::sizes::{extents, thickness};
 use super::{Finding, FindingKind, dot, length, up};
 use drystone::StepSettings;
-use drystone_scene::{Body, Motion, Scene};
+use drystone_scene::{Body, Motion, Rotation, Scene};
 
 /// Motion between two keys up to which it is no jump, as a fraction of the body's thickness. \[1\]
 const JUMP: f64 = 0.1;
 /// A jump is faster than the motion before and after it by this factor. \[1\]
 const SUDDEN: f64 = 10.0;
+
+/// Part of a step by which a key may miss it: files round times. \[1\]
+const NEAR: f64 = 1e-3;
 
 /// Finds bodies that may move more than their own thickness, or that of the thinnest body, between
 /// two searches for contacts. The speed is the initial one plus the speed gained by falling to the
@@ -117,8 +120,7 @@ pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
         let Some(thin) = sides.filter(|side| *side > 0.0).reduce(f64::min) else { continue };
         let reach = reach(body);
         let passed = |i: usize| {
-            let ways = track.positions[i].iter().zip(&track.positions[i + 1]);
-            let way = ways.map(|(p, q)| (q - p).powi(2)).sum::<f64>().sqrt();
+            let way = distance(&track.positions[i], &track.positions[i + 1]);
             way + reach * track.rotations[i].angle_to(&track.rotations[i + 1])
         };
         let lasts = |i: usize| track.times[i + 1] - track.times[i];
@@ -143,6 +145,65 @@ pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
         findings.push(Finding::of_body(index, FindingKind::Jump, [speed, limit], what, advice));
     }
     findings
+}
+
+/// Finds keys between two steps that are out of the way: bodies move from step to step, and never get
+/// there. Half of the detour over the key is more than a fraction of the body's thickness.
+pub(super) fn missed_keys(scene: &Scene) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    for (index, body) in scene.bodies.iter().enumerate() {
+        let sides = body.shapes.iter().filter_map(extents).flatten();
+        let Some(thin) = sides.filter(|side| *side > 0.0).reduce(f64::min) else { continue };
+        let (track, reach) = (&body.track, reach(body));
+        let passed = |(p, a): &(Vec<f64>, Rotation), (q, b): &(Vec<f64>, Rotation)| {
+            distance(p, q) + reach * a.angle_to(b)
+        };
+        let of_body = track.times.iter().map(|&time| {
+            let [before, after] = steps_around(time, scene.time_step).map(|step| track.at(step));
+            let key = track.at(time);
+            let detour = passed(&before, &key) + passed(&key, &after) - passed(&before, &after);
+            (0.5 * detour, time)
+        });
+        let meshes = body.shapes.iter().filter_map(|shape| shape.kind.vertex_track());
+        let of_meshes = meshes.flat_map(|track| {
+            track.times.iter().zip(&track.points).map(|(&time, keys)| {
+                let [before, after] =
+                    steps_around(time, scene.time_step).map(|step| track.at(step));
+                let detours = before.iter().zip(keys).zip(&after).map(|((p, key), q)| {
+                    0.5 * (distance(p, key) + distance(key, q) - distance(p, q))
+                });
+                (detours.fold(0.0, f64::max), time)
+            })
+        });
+        let worst = of_body.chain(of_meshes).max_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((miss, time)) = worst.filter(|(miss, _)| *miss > JUMP * thin) else { continue };
+        let what = format!(
+            "{} has a key at {time:.4} s that no step reaches, {} off its way from step to step; \
+             accepted: up to {}",
+            scene.name_of(index),
+            length(miss),
+            length(JUMP * thin)
+        );
+        let advice = "what it should strike there is not struck: move the key to a multiple of \
+         time_step, or set time_step such that it is one";
+        let numbers = [miss, JUMP * thin];
+        findings.push(Finding::of_body(index, FindingKind::MissedKey, numbers, what, advice));
+    }
+    findings
+}
+
+/// Returns the times of the steps before and after a time, which are the same near a step. \[s\]
+fn steps_around(time: f64, step: f64) -> [f64; 2] {
+    let (count, nearest) = (time / step, (time / step).round());
+    if (count - nearest).abs() < NEAR {
+        [time; 2]
+    } else {
+        [count.floor() * step, count.ceil() * step]
+    }
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(p, q)| (q - p).powi(2)).sum::<f64>().sqrt()
 }
 
 fn norm(vector: &[f64]) -> f64 {

@@ -141,6 +141,36 @@ fn a_jump_is_named_by_check_and_bake() {
 }
 
 #[test]
+fn a_key_between_two_steps_is_named_by_check_and_bake() {
+    let scene = |keys: &str| {
+        format!(
+            "time_step = 0.02\nsteps = 70\n[[bodies]]\nname = \"hammer\"\nmotion = \"kinematic\"\n\
+             shapes = [{{ type = \"box\", half_extents = [0.5, 1.0, 0.05] }}]\ntrack = [{keys}]\n"
+        )
+    };
+    let key = |time: f64, height: f64| format!("{{ time = {time}, position = [0, {height}, 0] }}");
+    let named = |keys: &[String]| {
+        let place = Place::new(&scene(&keys.join(", ")));
+        let output = place.run(&["bake", "scene.toml", "-o", "out.poses", "-q"]);
+        let said = String::from_utf8(output.stderr).unwrap();
+        let found = String::from_utf8(place.run(&["check", "scene.toml"]).stdout).unwrap();
+        assert_eq!(said.contains("that no step reaches"), found.contains("missed key"), "{said}");
+        said
+    };
+    let said = named(&[key(1.0, 1.0), key(1.01, 0.5), key(1.02, 1.0)]);
+    let expected = "'hammer' has a key at 1.0100 s that no step reaches, 500.00 mm off";
+    assert!(said.contains(expected), "{said}");
+    // Keys on the way, on steps, or a tenth of a millimeter off are kept.
+    for keys in [
+        [key(1.0, 1.0), key(1.007, 0.9), key(1.02, 0.5)],
+        [key(1.0, 1.0), key(1.02, 0.5), key(1.04, 1.0)],
+        [key(1.0, 1.0), key(1.01, 0.9999), key(1.02, 1.0)],
+    ] {
+        assert!(!named(&keys).contains("no step"));
+    }
+}
+
+#[test]
 fn an_output_that_is_an_input_is_refused() {
     let place = Place::new(SCENE);
     let said = place.fails(2, &["convert", "scene.toml", "scene.toml"]);

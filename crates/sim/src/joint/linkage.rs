@@ -10,8 +10,8 @@ use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Vector, Velocity};
 
 use super::coordinates::{JointPlaces, Place, Turn, Vec3, cross};
 use super::places::{BodyPlaces, flattened, in_space};
-use super::record::{JointRecord, RowState, WORLD};
-use super::rows::{Motion, Role, RowParams, RowPlan};
+use super::record::{JointRecord, WORLD};
+use super::rows::{Motion, Role, RowParams, RowPlan, RowState};
 use super::tension::{self, Pulls};
 use crate::bodies::{Bodies, Inertia};
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
@@ -92,7 +92,7 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// By joint: the vectors from the centers of mass of its bodies to its frame in a. \[m\]
     pub(crate) arms: Vec<[Vec3; 2]>,
     /// By row.
-    params: Vec<RowParams>,
+    pub(crate) params: Vec<RowParams>,
     /// q of each row, and the angles with their turns of each axis. \[m, or rad\]
     values: Vec<f64>,
     turns: Vec<[f64; 2]>,
@@ -104,7 +104,7 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// True if a body touches another one; and if it touches one without joints.
     pub(crate) touches: bool,
     pub(crate) meets: bool,
-    /// True if it meets one while all its bodies rest.
+    /// True if it meets one while all its bodies are slow.
     pub(crate) leads: bool,
     /// True if the targets are to follow the path that the joints leave.
     pub(crate) aims: bool,

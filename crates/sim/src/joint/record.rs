@@ -3,7 +3,7 @@
 use drystone_solver::{Axis, Velocity};
 
 use super::coordinates::{JointOrigin, JointPlaces, Place, RowCoordinate, Turn, Vec3, cross};
-use super::rows::RowPlan;
+use super::rows::{RowPlan, RowState};
 use super::{Breaking, Coordinate, JointAxis};
 
 /// Marks the world in the place of a body.
@@ -32,27 +32,6 @@ pub(crate) struct JointRecord {
     /// Impulse on a and its moment about the joint in this step, or in the last one, summed in frames that
     /// turn with a and with b. \[N s, N m s\]
     pub(crate) load: [[Vec3; 2]; 2],
-}
-
-/// State of a row between substeps.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct RowState {
-    /// q, with its turns. \[m, or rad\]
-    pub(crate) value: f64,
-    /// Impulses of the last solve and of the sweep that relaxed it. \[N s, or N m s\]
-    pub(crate) solved: f64,
-    pub(crate) relaxed: f64,
-    /// Impulse of the solve before the last. \[N s, or N m s\]
-    pub(crate) solved_before: f64,
-}
-
-impl RowState {
-    /// Returns the impulse of the last solve, as far as it is at most twice that of the one before.
-    /// The impulse of an impact does not last. \[N s, or N m s\]
-    pub(crate) fn lasting(&self) -> f64 {
-        let most = 2.0 * self.solved_before.abs();
-        self.solved.clamp(-most, most)
-    }
 }
 
 impl JointRecord {

@@ -34,6 +34,10 @@
 //! ```text
 //! eps = 1 / (h^2 k + h d),      t = (k (q_0 - q) + d v_0) / (h k + d)
 //! ```
+//!
+//! A spring that stands has the impulse s = gain (q_0 - q) / eps. As gravity, it moves its bodies by half
+//! of its gain before the solve, and relaxing adds (s' - s) / 2 with the s' of the next substep. So
+//! velocities at the end of a substep are those of that time: zero for a weight that stands on a spring.
 
 use drystone_solver::law::Interval;
 
@@ -186,12 +190,37 @@ pub(crate) struct Motion {
     pub(crate) rate: f64,
 }
 
-/// Compliance and target of a spring, apart from the coordinate: t = gain (q_0 - q) + drift.
+/// State of a row between substeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct RowState {
+    /// q, with its turns. \[m, or rad\]
+    pub(crate) value: f64,
+    /// Impulses of the last solve and of the sweep that relaxed it. \[N s, or N m s\]
+    pub(crate) solved: f64,
+    pub(crate) relaxed: f64,
+    /// Impulse of the solve before the last. \[N s, or N m s\]
+    pub(crate) solved_before: f64,
+    /// Impulse of a spring that stands where the substep began. \[N s, or N m s\]
+    pub(crate) standing: f64,
+}
+
+impl RowState {
+    /// Returns the impulse of the last solve, as far as it is at most twice that of the one before.
+    /// The impulse of an impact does not last. \[N s, or N m s\]
+    pub(crate) fn lasting(&self) -> f64 {
+        let most = 2.0 * self.solved_before.abs();
+        self.solved.clamp(-most, most)
+    }
+}
+
+/// Compliance and target of a spring: t = gain (q_0 - q) + drift.
 #[derive(Clone, Copy, Debug)]
 struct Spring {
     compliance: f64,
     gain: f64,
     drift: f64,
+    /// True if the stiffness is implicit.
+    is_implicit: bool,
 }
 
 impl Spring {
@@ -199,11 +228,12 @@ impl Spring {
         let RowParams { h, mobility, .. } = *params;
         let omega = (stiffness * mobility).sqrt();
         if stiffness > 0.0 && velocity == 0.0 && omega * h < 0.5 {
+            let (drift, is_implicit) = (0.0, false);
             if damping * mobility * h > LIGHT {
                 let turn = omega * h;
                 let kept = 2.0 * (1.0 - libm::cos(turn)) / (turn * turn);
-                let gain = stiffness * kept / damping;
-                return Self { compliance: 1.0 / (h * damping), gain, drift: 0.0 };
+                let (compliance, gain) = (1.0 / (h * damping), stiffness * kept / damping);
+                return Self { compliance, gain, drift, is_implicit };
             }
             // zeta w = d / (2 m).
             let decay = 0.5 * damping * mobility * h;
@@ -214,26 +244,20 @@ impl Spring {
             let b = (1.0 + a - 2.0 * root * cosine) / h;
             let kept = a.min(1.0 - 1e-6);
             let compliance = mobility * kept / (1.0 - kept);
-            return Self { compliance, gain: b / (1.0 - kept), drift: 0.0 };
+            return Self { compliance, gain: b / (1.0 - kept), drift, is_implicit };
         }
         let sum = h * stiffness + damping;
-        Self { compliance: 1.0 / (h * sum), gain: stiffness / sum, drift: damping * velocity / sum }
-    }
-
-    fn of_softness(softness: &Softness, params: &RowParams) -> Self {
-        let sum = params.h * softness.stiffness + softness.damping;
-        Self { compliance: 1.0 / (params.h * sum), gain: softness.stiffness / sum, drift: 0.0 }
-    }
-
-    fn of_drive(drive: &Drive, params: &RowParams) -> Self {
-        let scale = params.scale(drive);
-        Self::of(drive.stiffness * scale, drive.damping * scale, drive.velocity, params)
+        let (compliance, gain) = (1.0 / (h * sum), stiffness / sum);
+        Self { compliance, gain, drift: damping * velocity / sum, is_implicit: true }
     }
 }
 
 /// Part of a velocity that damping takes in a substep beyond which the damping is implicit: the exact
 /// row is that of bodies without other joints. \[1\]
-const LIGHT: f64 = 0.02;
+const LIGHT: f64 = 0.01;
+
+/// Largest acceleration of bodies at rest against which a stiff spring stands. \[m/s^2\]
+const FIRM: f64 = 200.0;
 
 /// Largest velocity at which a motor or dry friction yields before it has reached its bound. \[m/s, or
 /// rad/s\]
@@ -251,23 +275,72 @@ const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 impl Role {
     /// Returns the compliance. \[1/kg, or 1/(kg m^2)\]
     pub(crate) fn compliance(&self, params: &RowParams) -> f64 {
+        if let Some(spring) = self.spring(params) {
+            return spring.compliance;
+        }
         match self {
-            Self::Lock(_, Some(softness)) | Self::Limit(_, Some(softness)) => {
-                Spring::of_softness(softness, params).compliance
-            }
-            Self::Limit(..) => params.damped_limit()[0],
-            Self::Lock(..) => params.compliance,
-            Self::Drive(drive) if drive.damping.is_finite() => {
-                Spring::of_drive(drive, params).compliance
-            }
+            Self::Limit(_, None) => params.damped_limit()[0],
+            Self::Lock(_, None) => params.compliance,
             Self::Drive(Drive { max_force, .. }) | Self::Friction(max_force)
                 if max_force.is_finite() =>
             {
                 let own = params.compliance.min(YIELD / (max_force * params.h));
                 own.max(params.compliance * SLIP)
             }
-            Self::Drive(_) | Self::Friction(_) => params.compliance * SLIP,
+            _ => params.compliance * SLIP,
         }
+    }
+
+    /// Returns the spring or damper of the row, if it is one.
+    fn spring(&self, params: &RowParams) -> Option<Spring> {
+        match self {
+            Self::Lock(_, Some(softness)) | Self::Limit(_, Some(softness)) => {
+                Some(Spring::of(softness.stiffness, softness.damping, 0.0, params))
+            }
+            Self::Drive(drive) if drive.damping.is_finite() => {
+                let scale = params.scale(drive);
+                let [stiffness, damping] = [drive.stiffness, drive.damping].map(|of| of * scale);
+                Some(Spring::of(stiffness, damping, drive.velocity, params))
+            }
+            _ => None,
+        }
+    }
+
+    /// Returns q_0 - q of a spring.
+    fn stretch(&self, value: f64) -> f64 {
+        match self {
+            Self::Lock(at, _) => at - value,
+            Self::Limit([low, high], _) => (low - value).max(0.0) + (high - value).min(0.0),
+            Self::Drive(drive) => drive.position - value,
+            Self::Friction(_) => 0.0,
+        }
+    }
+
+    /// Returns the largest impulse of a drive in a substep.
+    fn most(drive: &Drive, value: f64, params: &RowParams) -> f64 {
+        if drive.max_force.is_finite() {
+            return drive.max_force * params.h;
+        }
+        // A spring bears what its stiffness says.
+        let force = drive.stiffness * params.scale(drive) * (drive.position - value);
+        params.strongest + force.abs() * params.h
+    }
+
+    /// Returns the impulse s of a spring that stands, or 0 \[N s, or N m s\]. A stiff one that moves has
+    /// another in each substep: there only what it has in common with the one that was `solved` counts,
+    /// up to an acceleration of [`FIRM`].
+    pub(crate) fn standing(&self, value: f64, solved: f64, params: &RowParams) -> f64 {
+        let Some(spring) = self.spring(params) else { return 0.0 };
+        let most = match self {
+            Self::Drive(drive) => Self::most(drive, value, params),
+            _ => f64::INFINITY,
+        };
+        let own = (spring.gain * self.stretch(value) / spring.compliance).clamp(-most, most);
+        if !spring.is_implicit {
+            return own;
+        }
+        let most = FIRM * params.h / (params.mobility * params.arm);
+        if own * solved > 0.0 { own.abs().min(solved.abs()).min(most).copysign(own) } else { 0.0 }
     }
 
     /// Returns the law of the row in a substep.
@@ -277,12 +350,11 @@ impl Role {
         let curve = at.rate - (at.end - at.value) / h;
         let repaired = |gap: f64| (share * gap).clamp(-speed * h, speed * h);
         let compliance = self.compliance(params);
+        let spring = self.spring(params).map(|of| [of.gain, of.drift]);
+        let [gain, drift] = spring.unwrap_or([0.0, self.motor().unwrap_or(0.0)]);
         let (targets, bounds) = match self {
             Self::Lock(value, None) => ([curve - repaired(at.value - value) / h; 2], ANY),
-            Self::Lock(value, Some(softness)) => {
-                let gain = Spring::of_softness(softness, params).gain;
-                ([curve + gain * (value - at.value); 2], ANY)
-            }
+            Self::Lock(value, Some(_)) => ([curve + gain * (value - at.value); 2], ANY),
             Self::Limit([low, high], None) => {
                 let share = params.damped_limit()[1];
                 let repaired = |gap: f64| (share * gap).clamp(-speed * h, speed * h);
@@ -290,47 +362,40 @@ impl Role {
                 let down = (high - at.value).max(repaired((high - at.value).min(0.0)));
                 ([curve + up / h, curve + down / h], ANY)
             }
-            Self::Limit([low, high], Some(softness)) => {
-                let gain = Spring::of_softness(softness, params).gain;
+            Self::Limit([low, high], Some(_)) => {
                 let to = |limit: &f64| curve + gain * (limit - at.value);
                 ([to(low), to(high)], ANY)
             }
             Self::Drive(drive) => {
-                let most = if drive.max_force.is_finite() {
-                    drive.max_force * h
-                } else {
-                    // A spring bears what its stiffness says.
-                    let force = drive.stiffness * params.scale(drive) * (drive.position - at.value);
-                    params.strongest + (force.abs() * h).max(0.0)
-                };
-                let target = if drive.damping.is_finite() {
-                    let spring = Spring::of_drive(drive, params);
-                    spring.gain * (drive.position - at.value) + spring.drift
-                } else {
-                    drive.velocity
-                };
-                ([curve + target; 2], [-most, most])
+                let most = Self::most(drive, at.value, params);
+                let aim = gain * (drive.position - at.value) + drift;
+                ([curve + aim; 2], [-most, most])
             }
             Self::Friction(most) => ([curve; 2], [-most * h, most * h]),
         };
         Interval { targets, bounds, compliance }
     }
 
+    /// Returns the velocity that a motor without stiffness or dry friction keeps.
+    fn motor(&self) -> Option<f64> {
+        match self {
+            Self::Drive(Drive { damping: f64::INFINITY, velocity, .. }) => Some(*velocity),
+            Self::Friction(_) => Some(0.0),
+            _ => None,
+        }
+    }
+
     /// Returns the law of the sweep that ends a substep, for the change of the impulse. It takes
-    /// out the velocity from repair and curvature. `solved` is the impulse of the substep by its
-    /// `law`, `value` is q at its end.
+    /// out the velocity from repair and curvature, and adds what [springs](Self::standing) lack.
+    /// The row had the `law` in the substep, and `state` has q at its end.
     pub(crate) fn relaxing_law(
         &self,
         law: &Interval<f64>,
-        solved: f64,
-        value: f64,
-        h: f64,
+        state: &RowState,
+        params: &RowParams,
     ) -> Interval<f64> {
-        let compliance = law.compliance;
-        let motor = |velocity: f64| {
-            let target = velocity - compliance * solved;
-            ([target; 2], law.bounds.map(|bound| bound - solved))
-        };
+        let (compliance, h) = (law.compliance, params.h);
+        let &RowState { value, solved, standing, .. } = state;
         let (targets, bounds) = match self {
             Self::Lock(_, None) => ([0.0; 2], ANY),
             Self::Limit([low, high], None) => {
@@ -342,12 +407,16 @@ impl Role {
                     () => ([below, above], ANY),
                 }
             }
-            Self::Drive(Drive { damping: f64::INFINITY, velocity, .. }) => motor(*velocity),
-            Self::Friction(_) => motor(0.0),
-            // A spring that bears a weight moves at the end of a substep as the weight would fall.
-            Self::Lock(_, Some(_)) | Self::Limit(_, Some(_)) | Self::Drive(_) => {
-                (law.targets, [0.0; 2])
-            }
+            _ => match self.motor() {
+                Some(velocity) => {
+                    let bounds = law.bounds.map(|bound| bound - solved);
+                    ([velocity - compliance * solved; 2], bounds)
+                }
+                None => {
+                    let lacks = 0.5 * (self.standing(value, solved, params) - standing);
+                    (law.targets, [lacks; 2])
+                }
+            },
         };
         Interval { targets, bounds, compliance }
     }

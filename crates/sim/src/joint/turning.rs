@@ -111,3 +111,22 @@ pub(crate) fn turn_of_inertia<G: Geometry<L, A>, const L: usize, const A: usize>
     }
     if size > 0.0 { (change / size).sqrt() } else { 0.0 }
 }
+
+/// Returns the rate at which a body nutates if no torque acts on it: L over the mean of its moments of
+/// inertia across L. \[rad/s\]
+pub(crate) fn nutation<G: Geometry<L, A>, const L: usize, const A: usize>(
+    bodies: &Bodies<G, L, A>,
+    body: usize,
+) -> f64 {
+    if A != 3 {
+        return 0.0;
+    }
+    let tensor = G::frame(&bodies.poses[body]).tensor(bodies.inertia[body].moments);
+    let momentum = tensor * bodies.velocities[body].angular;
+    let (squared, trace) = (momentum.dot(momentum), (0..A).map(|i| tensor.0[i][i]).sum::<f32>());
+    if squared <= 0.0 {
+        return 0.0;
+    }
+    let across = 0.5 * (trace - momentum.dot(tensor * momentum) / squared);
+    f64::from(squared.sqrt() / across)
+}

@@ -7,6 +7,7 @@ mod loads;
 mod machines;
 mod rests;
 mod spins;
+mod springs;
 mod swings;
 mod tops;
 mod world;

@@ -134,11 +134,14 @@ fn forces_last_in_steps_of_any_length() {
         let hinge = Joint::hinge([Some(beam), None]).about([0.0, 0.0, 1.0]).along(axis);
         let hinge = world.join(hinge).unwrap();
         run(&mut world, 4.0);
-        let (rest, mut off) = (value(&world, hinge), 0.0f64);
+        let (rest, mut off, mut time) = (value(&world, hinge), 0.0f64, 0.0);
         for step in 0..480 {
-            world.step([DT, 0.1 * DT, 2.0 * DT, 0.01 * DT, 0.5 * DT][step % 5]).unwrap();
-            off = off.max((value(&world, hinge) - rest).abs());
+            let dt = [DT, 0.1 * DT, 2.0 * DT, 0.01 * DT, 0.5 * DT][step % 5];
+            world.step(dt).unwrap();
+            time += f64::from(dt);
+            // Dry friction yields at 1e-5 rad/s.
+            off = off.max((value(&world, hinge) - rest).abs() - 1e-5 * time);
         }
-        preset.below("angle away from rest", off, 3e-5);
+        preset.below("angle away from rest", off, 1e-5);
     }
 }

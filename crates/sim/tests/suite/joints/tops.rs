@@ -108,6 +108,37 @@ fn a_top_precesses_steadily() {
     }
 }
 
+/// A disc of 1 kg, 20 cm from the ball joint that holds it, precesses level as M g l / (I w) says, in steps of
+/// any length.
+#[test]
+fn a_gyroscope_precesses_in_long_steps() {
+    const DISC: Top = Top { mass: 1.0, radius: 0.1, height: 0.02, arm: 0.2 };
+    let tilt = PI / 2.0;
+    for preset in Preset::both() {
+        for (spin, frames) in [100.0, 200.0, 300.0, 400.0, 800.0]
+            .into_iter()
+            .flat_map(|spin| [24.0f32, 25.0, 30.0, 60.0].map(|frames| (spin, frames)))
+        {
+            let rate = DISC.mass * ACCELERATION * DISC.arm / (DISC.moments()[0] * spin);
+            let mut world = preset.world();
+            let body = world.add(DISC.body(tilt, spin, rate)).unwrap();
+            world.join(Joint::ball([Some(body), None])).unwrap();
+            let (mut turned, mut before, mut dip) = (0.0, 0.0, 0.0f64);
+            let steps = 2 * frames as u32;
+            for _ in 0..steps {
+                world.step(1.0 / frames).unwrap();
+                let axis = Rigid3::frame(&world.pose(body).unwrap()).axes[1].cast::<f64>();
+                let azimuth = (-axis[2]).atan2(axis[0]);
+                turned += (azimuth - before + PI).rem_euclid(TAU) - PI;
+                (before, dip) = (azimuth, dip.max(axis[1].abs()));
+            }
+            let name = format!("disc at {spin} rad/s, {frames} steps per second");
+            preset.check(&format!("{name}: rate"), 0.5 * turned, rate);
+            preset.below(&format!("{name}: sine of the dip"), dip, 0.01);
+        }
+    }
+}
+
 /// A top that is let go nutates between its tilt and one below.
 #[test]
 fn a_top_that_is_let_go_nutates() {
