@@ -599,13 +599,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let record = &mut records[slot as usize];
             let rows = record.rows.iter().zip(&mut record.states).zip(&mut params);
             for (((plan, state), params), axis) in rows.zip(&mechanisms.axes[joint.axes()]) {
-                state.standing = match record.broken {
-                    false => plan.role.standing(state.value, state.solved, params),
-                    true => 0.0,
-                };
-                if state.standing == 0.0 {
+                state.standing = 0.0;
+                if record.broken || !plan.role.is_spring() {
                     continue;
                 }
+                state.standing = plan.role.standing(state.value, state.solved, params);
                 gains.resize(masses.len(), Velocity::ZERO);
                 for (body, jacobian) in joint.bodies.into_iter().zip(&axis.jacobian) {
                     let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
@@ -636,7 +634,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 if record.broken {
                     axis.law.bounds = [0.0; 2];
                 }
-                axis.impulse = 0.0f64.clamp(axis.law.bounds[0], axis.law.bounds[1]);
+                let [least, most] = axis.law.bounds;
+                axis.impulse = 0.0f64.max(least).min(most);
                 lacks |= axis.impulse != 0.0;
             }
         }

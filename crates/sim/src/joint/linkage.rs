@@ -31,6 +31,9 @@ const FAST_TURN: f32 = 0.005;
 /// targets are wrong. \[1\]
 const MOST_GAIN: f64 = 0.5;
 
+/// The same where joints [gape](Linkage::gapes): there all of it is wrong. \[1\]
+const GAPING_GAIN: f64 = 0.02;
+
 /// Energy that soft locks may add at most by their targets, as a part of what the mechanism has; and that
 /// beyond which these are taken out. \[1\]
 const SOFTENED: f64 = 0.005;
@@ -521,7 +524,9 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             gain += after - before;
         }
         let speed = self.repair_speed(joints, part, masses).max(LEAST_SPEED);
+        let gapes = self.gapes(joints, masses);
         let most = match taming {
+            Taming::Soften if gapes => GAPING_GAIN * energy + least(speed),
             Taming::Soften => MOST_GAIN * energy + least(speed),
             Taming::Stop => TAMED * energy,
         };
@@ -535,7 +540,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         let locks = part.axes.iter().zip(rows()).filter(|(_, row)| is_lock(*row));
         let wanted = locks.map(|(axis, (_, of))| axis.law.targets[0].powi(2) / of.mobility);
         let softness = (wanted.sum::<f64>() / (2.0 * SOFTENED * energy)).min(LIMP);
-        let taming = if self.gapes(joints, masses) { taming } else { Taming::Stop };
+        let taming = if gapes { taming } else { Taming::Stop };
         for (axis, (_, params)) in part.axes.iter_mut().zip(rows()).filter(|(_, row)| is_lock(*row))
         {
             let law = &mut axis.law;

@@ -291,6 +291,16 @@ impl Role {
         }
     }
 
+    /// Returns true if the row is a spring or a damper.
+    #[inline(always)]
+    pub(crate) fn is_spring(&self) -> bool {
+        match self {
+            Self::Lock(_, softness) | Self::Limit(_, softness) => softness.is_some(),
+            Self::Drive(drive) => drive.damping.is_finite(),
+            Self::Friction(_) => false,
+        }
+    }
+
     /// Returns the spring or damper of the row, if it is one.
     fn spring(&self, params: &RowParams) -> Option<Spring> {
         match self {
@@ -335,7 +345,8 @@ impl Role {
             Self::Drive(drive) => Self::most(drive, value, params),
             _ => f64::INFINITY,
         };
-        let own = (spring.gain * self.stretch(value) / spring.compliance).clamp(-most, most);
+        let own = spring.gain * self.stretch(value) / spring.compliance;
+        let own = own.max(-most).min(most);
         if !spring.is_implicit {
             return own;
         }
