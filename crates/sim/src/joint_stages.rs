@@ -1,5 +1,7 @@
 //! The stages of a substep that concern [`Joints`](crate::joints::Joints), on a world.
 
+use drystone_solver::{InverseMass, Velocity};
+
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
 use crate::joint::linkage::Taming;
@@ -81,6 +83,51 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let displacements = &self.scratch.displacements;
         let at = BodyPlaces { bodies: &self.bodies, displacements };
         self.solver.joints.renew(&at, numbers);
+    }
+
+    /// Finds the springs that stand at the start of a substep, and the velocities that they give to bodies.
+    pub(crate) fn begin_springs(&mut self) {
+        let StepScratch { springs: [springs, _], spring_gains, touched, .. } = &mut self.scratch;
+        let masses = &self.bodies.inverse_masses;
+        self.solver.joints.find_standing(masses, touched, springs);
+        spring_gains.clear();
+        for row in springs {
+            spring_gains.resize(masses.len(), Velocity::ZERO);
+            for (body, pull) in row.pulls() {
+                let inverse: InverseMass<f64, L, A> = masses[body].cast();
+                spring_gains[body] += inverse.velocity(&pull).cast();
+            }
+        }
+    }
+
+    /// Adds half of the difference between the springs that stand now and those at the start of the
+    /// substep, (J'^T s' - J^T s) / 2: the solve gave all of the latter.
+    pub(crate) fn end_springs(&mut self) {
+        let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
+        let StepScratch { springs, spring_pulls: pulls, prospective, ledger, touched, .. } =
+            &mut self.scratch;
+        self.solver.joints.find_standing(inverse_masses, touched, &mut springs[1]);
+        if springs.iter().all(|own| own.is_empty()) {
+            return;
+        }
+        pulls.resize(velocities.len(), Velocity::ZERO);
+        for (rows, share) in springs.iter_mut().zip([-0.5, 0.5]) {
+            for row in rows {
+                row.axis.impulse *= share;
+                row.pulls().for_each(|(body, pull)| pulls[body] += pull);
+            }
+        }
+        for body in springs.iter().flatten().flat_map(|row| row.bodies) {
+            let body = body as usize;
+            let pull = std::mem::replace(&mut pulls[body], Velocity::ZERO);
+            let inverse: InverseMass<f64, L, A> = inverse_masses[body].cast();
+            let gain = inverse.velocity(&pull).cast();
+            velocities[body] += gain;
+            prospective[body] += gain;
+        }
+        if self.settings.ledger {
+            ledger.record_joints(springs.iter().flatten().cloned());
+        }
     }
 
     /// Adds the joint impulses of the previous substep, and sets the targets of the joints.

@@ -47,6 +47,12 @@ const LEAST_MISS: f64 = 1e-8;
 /// Speed of a body below which it counts as resting for its contacts. \[m/s\]
 const RESTING: f32 = 0.05;
 
+/// Largest rotation of a body by half of what a spring that stands gives it in a substep. \[rad\]
+const MOST_TURNED: f64 = 0.01;
+
+/// Largest acceleration by such a spring of a body that touches others. \[m/s^2\]
+const MOST_PUSHED: f64 = 400.0;
+
 /// Number of substeps in which a mechanism that falls gets so fast that its joints no longer relax before
 /// contacts, in a solve to a tolerance. Without that, what rests on contacts has the velocity of one. \[1\]
 const SETTLING: f32 = 10.0;
@@ -585,62 +591,69 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         });
     }
 
-    /// Finds the impulses with which springs stand, and the velocities that they give to bodies, if there
-    /// are any.
+    /// Finds the springs that stand, with their impulses where the bodies are.
+    ///
+    /// One that turns a body is counted up to [`MOST_TURNED`], one that pushes a body which is `touched` by
+    /// others up to [`MOST_PUSHED`]. One that a limit holds does not count: a servo that presses on it does
+    /// not move.
     pub(crate) fn find_standing(
-        &mut self,
+        &self,
         masses: &[InverseMass<f32, L, A>],
-        gains: &mut Vec<Velocity<f32, L, A>>,
+        touched: &[bool],
+        found: &mut Vec<JointRow<L, A>>,
     ) {
-        gains.clear();
+        found.clear();
         let Self { mechanisms, records, acting, linkages, .. } = self;
         let mut params = linkages.iter().flat_map(|linkage| &linkage.params);
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let record = &mut records[slot as usize];
-            let rows = record.rows.iter().zip(&mut record.states).zip(&mut params);
+            let record = &records[slot as usize];
+            let rows = record.rows.iter().zip(&record.states).zip(&mut params);
             for (((plan, state), params), axis) in rows.zip(&mechanisms.axes[joint.axes()]) {
-                state.standing = 0.0;
                 if record.broken || !plan.role.is_spring() {
                     continue;
                 }
-                state.standing = plan.role.standing(state.value, state.solved, params);
-                gains.resize(masses.len(), Velocity::ZERO);
-                for (body, jacobian) in joint.bodies.into_iter().zip(&axis.jacobian) {
-                    let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
-                    let gain = inverse.velocity(&(*jacobian * state.standing));
-                    gains[body as usize] += gain.cast();
+                let impulse = plan.role.standing(state.value, state.solved, params);
+                let held = record.rows.iter().zip(&record.states).any(|(other, state)| {
+                    other.axis == plan.axis
+                        && matches!(other.role, Role::Limit(_, None))
+                        && state.solved * impulse < 0.0
+                });
+                if impulse == 0.0 || held {
+                    continue;
                 }
+                // Parts of the largest gains that count, per impulse.
+                let parts = joint.bodies.into_iter().zip(&axis.jacobian).map(|(body, jacobian)| {
+                    let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
+                    let gain = inverse.velocity(jacobian);
+                    let pushed = if touched[body as usize] { gain.linear.length() } else { 0.0 };
+                    let turned = 0.5 * params.h * gain.angular.length() / MOST_TURNED;
+                    turned.max(pushed / (params.h * MOST_PUSHED))
+                });
+                let part = parts.fold(0.0, f64::max) * impulse.abs();
+                let share = if part > 1.0 { 1.0 / part } else { 1.0 };
+                let axis = Axis { impulse: impulse * share, ..*axis };
+                let is_drive = matches!(plan.role, Role::Drive(_));
+                found.push(JointRow { bodies: joint.bodies, axis, is_drive });
             }
         }
     }
 
-    /// Begins the relaxing: each row gets its law for the end of the substep, and springs add what they
-    /// lack. The others have no impulse, so every visit of joints and contacts in turn takes energy away.
-    /// From the impulses of the last relaxing contacts would bear what joints then take back, and throw
-    /// bodies whose contacts and joints bear against each other. J has been [renewed](Self::renew).
-    pub(crate) fn begin_relaxing(
-        &mut self,
-        velocities: &mut [Velocity<f32, L, A>],
-        masses: &[InverseMass<f32, L, A>],
-    ) {
-        let Self { mechanisms, records, acting, linkages, .. } = self;
-        let mut params = linkages.iter().flat_map(|linkage| &linkage.params);
-        let mut lacks = false;
+    /// Begins the relaxing: each row gets its law for the end of the substep, and no impulse. So every
+    /// visit of joints and contacts in turn takes energy away. From the impulses of the last relaxing
+    /// contacts would bear what joints then take back, and throw bodies whose contacts and joints bear
+    /// against each other. J has been [renewed](Self::renew).
+    pub(crate) fn begin_relaxing(&mut self) {
+        let Self { mechanisms, records, acting, substep, .. } = self;
         for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
             let record = &records[slot as usize];
-            let rows = record.rows.iter().zip(&record.states).zip(&mut params);
-            for (((plan, state), params), axis) in rows.zip(&mut mechanisms.axes[joint.axes()]) {
-                axis.law = plan.role.relaxing_law(&axis.law, state, params);
+            let rows = record.rows.iter().zip(&record.states);
+            for ((plan, state), axis) in rows.zip(&mut mechanisms.axes[joint.axes()]) {
+                axis.law = plan.role.relaxing_law(&axis.law, state, *substep);
                 if record.broken {
                     axis.law.bounds = [0.0; 2];
                 }
-                let [least, most] = axis.law.bounds;
-                axis.impulse = 0.0f64.max(least).min(most);
-                lacks |= axis.impulse != 0.0;
+                axis.impulse = 0.0;
             }
-        }
-        if lacks {
-            mechanisms.apply(velocities, masses);
         }
     }
 
@@ -717,7 +730,6 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                     solved: next(),
                     relaxed: next(),
                     solved_before: next(),
-                    standing: 0.0,
                 };
             }
             record.turns.iter_mut().for_each(|turns| *turns = [next(), next()]);

@@ -68,6 +68,15 @@ pub struct Ledger {
     pub integration: f64,
 }
 
+impl<const L: usize, const A: usize> JointRow<L, A> {
+    /// Returns its bodies and the wrenches by which it acts on them. \[N s, N m s\]
+    pub(crate) fn pulls(&self) -> impl Iterator<Item = (usize, Velocity<f64, L, A>)> {
+        let Axis { jacobian, impulse, .. } = self.axis;
+        let pulls = jacobian.into_iter().map(move |of| of * impulse);
+        self.bodies.into_iter().map(|body| body as usize).zip(pulls)
+    }
+}
+
 impl Ledger {
     /// Returns the items with their names, in order.
     pub fn items(&self) -> [(&'static str, f64); 14] {

@@ -5,7 +5,7 @@ use drystone_solver::{InverseMass, Velocity};
 use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
 use crate::impulses::ImpulseRecord;
-use crate::ledger::LedgerBuilder;
+use crate::ledger::{JointRow, LedgerBuilder};
 use crate::narrow_phase::PairWorker;
 use crate::patches::Patches;
 use crate::seams::SeamResolver;
@@ -25,8 +25,12 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     /// Displacements since the last contact search.
     pub(crate) displacements: Vec<Velocity<f32, L, A>>,
-    /// Velocities that [standing springs](crate::joint::rows) give to bodies in a substep, if there are any.
+    /// [Standing springs](crate::joint::rows) at the start of a substep and at its end, and the velocities
+    /// that the former give to bodies in it, if there are any.
+    pub(crate) springs: [Vec<JointRow<L, A>>; 2],
     pub(crate) spring_gains: Vec<Velocity<f32, L, A>>,
+    /// By body: wrenches of springs. \[N s, N m s\]
+    pub(crate) spring_pulls: Vec<Velocity<f64, L, A>>,
     /// Displacements of a substep before bodies move, where contacts of bodies with joints need them
     /// ([`Lead`](drystone_solver::lanes::Lead)).
     pub(crate) offsets: Vec<Velocity<f32, L, A>>,
@@ -69,7 +73,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             patches: Patches::default(),
             prospective: Vec::new(),
             displacements: Vec::new(),
+            springs: [Vec::new(), Vec::new()],
             spring_gains: Vec::new(),
+            spring_pulls: Vec::new(),
             offsets: Vec::new(),
             before: Vec::new(),
             rests: Vec::new(),

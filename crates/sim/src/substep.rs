@@ -313,9 +313,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.solver.joints.find_resting(&self.bodies, gain, rests);
         }
         self.accelerate(plan, renewed, timer, report);
-        self.solver
-            .joints
-            .find_standing(&self.bodies.inverse_masses, &mut self.scratch.spring_gains);
+        self.begin_springs();
         let turning = self.context().warm_start(substep, renewed, &plan.params);
         if leads {
             let StepScratch { displacements, offsets, .. } = &mut self.scratch;
@@ -407,8 +405,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Takes out the velocities of repair, of contacts and of joints.
     fn relax(&mut self, renewed: bool, fastest: f32, plan: &PartPlan<L>, timer: &mut StageTimer) {
-        let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
-        self.solver.joints.begin_relaxing(velocities, inverse_masses);
+        self.end_springs();
+        self.solver.joints.begin_relaxing();
         if self.solver.joints.touch() {
             if plan.solving {
                 self.solver.lanes.follow();

@@ -151,6 +151,7 @@ pub(super) fn jumps(scene: &Scene) -> Vec<Finding> {
 /// there. Half of the detour over the key is more than a fraction of the body's thickness.
 pub(super) fn missed_keys(scene: &Scene) -> Vec<Finding> {
     let mut findings = Vec::new();
+    let end = scene.steps.map_or(f64::INFINITY, |steps| f64::from(steps) * scene.time_step);
     for (index, body) in scene.bodies.iter().enumerate() {
         let sides = body.shapes.iter().filter_map(extents).flatten();
         let Some(thin) = sides.filter(|side| *side > 0.0).reduce(f64::min) else { continue };
@@ -175,7 +176,8 @@ pub(super) fn missed_keys(scene: &Scene) -> Vec<Finding> {
                 (detours.fold(0.0, f64::max), time)
             })
         });
-        let worst = of_body.chain(of_meshes).max_by(|a, b| a.0.total_cmp(&b.0));
+        let simulated = of_body.chain(of_meshes).filter(|(_, time)| (0.0..=end).contains(time));
+        let worst = simulated.max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((miss, time)) = worst.filter(|(miss, _)| *miss > JUMP * thin) else { continue };
         let what = format!(
             "{} has a key at {time:.4} s that no step reaches, {} off its way from step to step; \

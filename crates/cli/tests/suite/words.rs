@@ -160,11 +160,13 @@ fn a_key_between_two_steps_is_named_by_check_and_bake() {
     let said = named(&[key(1.0, 1.0), key(1.01, 0.5), key(1.02, 1.0)]);
     let expected = "'hammer' has a key at 1.0100 s that no step reaches, 500.00 mm off";
     assert!(said.contains(expected), "{said}");
-    // Keys on the way, on steps, or a tenth of a millimeter off are kept.
+    // Keys on the way, on steps, a tenth of a millimeter off, or not simulated are kept.
     for keys in [
         [key(1.0, 1.0), key(1.007, 0.9), key(1.02, 0.5)],
         [key(1.0, 1.0), key(1.02, 0.5), key(1.04, 1.0)],
         [key(1.0, 1.0), key(1.01, 0.9999), key(1.02, 1.0)],
+        [key(1.4, 1.0), key(1.41, 0.5), key(1.42, 1.0)],
+        [key(-0.02, 1.0), key(-0.01, 0.5), key(0.0, 1.0)],
     ] {
         assert!(!named(&keys).contains("no step"));
     }

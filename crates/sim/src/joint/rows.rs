@@ -36,8 +36,8 @@
 //! ```
 //!
 //! A spring that stands has the impulse s = gain (q_0 - q) / eps. As gravity, it moves its bodies by half
-//! of its gain before the solve, and relaxing adds (s' - s) / 2 with the s' of the next substep. So
-//! velocities at the end of a substep are those of that time: zero for a weight that stands on a spring.
+//! of its gain before the solve, and they end with (J'^T s' - J^T s) / 2 more, with the spring of the next
+//! substep. So velocities are those at the end of a substep: zero for a weight that stands on a spring.
 
 use drystone_solver::law::Interval;
 
@@ -200,8 +200,6 @@ pub(crate) struct RowState {
     pub(crate) relaxed: f64,
     /// Impulse of the solve before the last. \[N s, or N m s\]
     pub(crate) solved_before: f64,
-    /// Impulse of a spring that stands where the substep began. \[N s, or N m s\]
-    pub(crate) standing: f64,
 }
 
 impl RowState {
@@ -209,7 +207,7 @@ impl RowState {
     /// The impulse of an impact does not last. \[N s, or N m s\]
     pub(crate) fn lasting(&self) -> f64 {
         let most = 2.0 * self.solved_before.abs();
-        self.solved.clamp(-most, most)
+        self.solved.max(-most).min(most)
     }
 }
 
@@ -397,16 +395,16 @@ impl Role {
     }
 
     /// Returns the law of the sweep that ends a substep, for the change of the impulse. It takes
-    /// out the velocity from repair and curvature, and adds what [springs](Self::standing) lack.
-    /// The row had the `law` in the substep, and `state` has q at its end.
+    /// out the velocity from repair and curvature. The row had the `law` in the substep of `h` \[s\], and
+    /// `state` has q at its end.
     pub(crate) fn relaxing_law(
         &self,
         law: &Interval<f64>,
         state: &RowState,
-        params: &RowParams,
+        h: f64,
     ) -> Interval<f64> {
-        let (compliance, h) = (law.compliance, params.h);
-        let &RowState { value, solved, standing, .. } = state;
+        let compliance = law.compliance;
+        let &RowState { value, solved, .. } = state;
         let (targets, bounds) = match self {
             Self::Lock(_, None) => ([0.0; 2], ANY),
             Self::Limit([low, high], None) => {
@@ -423,10 +421,7 @@ impl Role {
                     let bounds = law.bounds.map(|bound| bound - solved);
                     ([velocity - compliance * solved; 2], bounds)
                 }
-                None => {
-                    let lacks = 0.5 * (self.standing(value, solved, params) - standing);
-                    (law.targets, [lacks; 2])
-                }
+                None => (law.targets, [0.0; 2]),
             },
         };
         Interval { targets, bounds, compliance }

@@ -168,3 +168,159 @@ fn sprung_cars_stand_and_sleep() {
         }
     }
 }
+
+/// Returns the inertia of a brick of 1 kg.
+fn brick() -> Inertia<3, 3> {
+    block(1.0, [0.3, 0.2, 0.1])
+}
+
+/// Returns energy of motion and weight, and the angular momentum about the origin. \[J, kg m^2/s\]
+fn motion_of(world: &World3, parts: &[BodyId]) -> (f64, Vector<f64, 3>) {
+    let cross = |a: Vector<f64, 3>, b: Vector<f64, 3>| {
+        Vector([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    };
+    let mut spin = Vector::ZERO;
+    for &part in parts {
+        let (pose, inertia) = (world.pose(part).unwrap(), brick());
+        let moved = velocity(world, part);
+        let tensor = Rigid3::frame(&pose).tensor(inertia.moments);
+        spin += (tensor * moved.angular).cast();
+        let momentum = moved.linear.cast::<f64>() * f64::from(inertia.mass);
+        spin += cross(Rigid3::frame(&pose).position.cast(), momentum);
+    }
+    (energy(world), spin)
+}
+
+/// Springs whose direction turns keep angular momentum, and energy but for what their stretch holds: two
+/// bodies that circle on a spring, at their centers or off them, on a soft weld or on a slider.
+#[test]
+fn springs_that_turn_keep_momentum() {
+    for preset in Preset::both() {
+        for stiffness in [20.0, 200.0, 2000.0] {
+            for kind in 0..4 {
+                let mut world: World3 = preset.weightless();
+                let turn = (stiffness / 40.0f64).sqrt().min(8.0);
+                let parts = [-1.0, 1.0].map(|side| {
+                    let mut body = ghost([side, 0.0, 0.0], brick());
+                    body.velocity.linear = Vector([0.0, (side * turn) as f32, 0.0]);
+                    body.velocity.angular = Vector([0.0, 0.0, turn as f32]);
+                    world.add(body).unwrap()
+                });
+                let pair = parts.map(Some);
+                let at = |x: f32, y: f32| Rigid3::turned([x, y, 0.0], 0.0);
+                let spring = Drive::spring(1.8, stiffness, 0.0);
+                let softness = Some(Softness { stiffness, damping: 0.0 });
+                let joint = match kind {
+                    0 => Joint::spring(pair, spring).in_bodies([at(0.0, 0.0), at(0.0, 0.0)]),
+                    1 => Joint::spring(pair, spring).in_bodies([at(0.1, 0.1), at(0.0, -0.2)]),
+                    2 => {
+                        Joint::slider(pair).at([0.0; 3]).drive(Drive::spring(-0.1, stiffness, 0.0))
+                    }
+                    _ => {
+                        let mut weld = Joint::fixed(pair).at([0.0; 3]);
+                        weld.axes.iter_mut().for_each(|axis| axis.softness = softness);
+                        weld
+                    }
+                };
+                let (joint, rest) = (world.join(joint).unwrap(), [1.8, 1.8, -0.1, 0.0][kind]);
+                let stored = |world: &World3| {
+                    let values = world.joint(joint).unwrap().values;
+                    let sprung = &values[..if kind == 3 { 6 } else { 1 }];
+                    let squares = sprung.iter().map(|value| (value - rest) * (value - rest));
+                    0.5 * stiffness * squares.sum::<f64>()
+                };
+                let (start, spin) = motion_of(&world, &parts);
+                let start = start + stored(&world);
+                let (mut most, mut off) = (0.0f64, 0.0f64);
+                for _ in 0..1200 {
+                    world.step(DT).unwrap();
+                    let (now, own) = motion_of(&world, &parts);
+                    most = most.max((now + stored(&world)) / start - 1.0);
+                    off = off.max((own - spin).length() / spin.length());
+                }
+                let name = format!("kind {kind} of {stiffness} N/m");
+                preset.below(&format!("momentum of {name}"), off, 1e-4);
+                preset.below(&format!("energy from nothing of {name}"), most, 2e-3);
+            }
+        }
+    }
+}
+
+/// A weight on a spring swings about a point for a minute, by as much at the end as at the start.
+#[test]
+fn a_weight_on_a_spring_swings_on() {
+    for preset in Preset::both() {
+        for stiffness in [100.0, 400.0, 1600.0] {
+            let mut world: World3 = preset.world();
+            let origin = Rigid3::turned([0.0; 3], 0.0);
+            let length = 1.0 + ACCELERATION / stiffness;
+            let angle = 0.2f64;
+            let at = [length * angle.sin(), -length * angle.cos(), 0.0];
+            let body = world.add(ghost(at, inertia(1.0, [0.01; 3]))).unwrap();
+            let spring = Joint::spring([Some(body), None], Drive::spring(1.0, stiffness, 0.0));
+            world.join(spring.in_bodies([origin, origin])).unwrap();
+            let mut widest = [0.0f64; 2];
+            for step in 0..3600 {
+                world.step(DT).unwrap();
+                let aside = f64::from(place(&world, body)[0].abs());
+                match step {
+                    0..300 => widest[0] = widest[0].max(aside),
+                    3300.. => widest[1] = widest[1].max(aside),
+                    _ => {}
+                }
+            }
+            preset.check(&format!("swing at {stiffness} N/m"), widest[1], widest[0]);
+        }
+    }
+}
+
+/// A servo that presses on a limit of its hinge does not pull the hinge apart.
+#[test]
+fn servos_that_press_on_limits_stay() {
+    for preset in Preset::both() {
+        for (frequency, ratio) in
+            [5.0, 10.0, 15.0, 30.0, 70.0].into_iter().flat_map(|own| [0.1, 0.7].map(|of| (own, of)))
+        {
+            let mut world: World3 = preset.world();
+            let body = world.add(ghost([0.5, 0.0, 0.0], block(1.0, [0.5, 0.05, 0.05]))).unwrap();
+            let servo = Drive::frequency(2.0, frequency, ratio);
+            let hinge = Joint::hinge([Some(body), None]).about([0.0, 0.0, 1.0]).at([0.0; 3]);
+            let hinge = world.join(hinge.limits(-0.5..=0.5).drive(servo)).unwrap();
+            let mut gap = 0.0f64;
+            for _ in 0..240 {
+                world.step(DT).unwrap();
+                gap = gap.max(world.joint(hinge).unwrap().gap);
+            }
+            let name = format!("servo of {frequency} Hz, {ratio}");
+            preset.below(&format!("gap of a hinge with a {name}"), gap, 3e-3);
+            let still = world.joint(hinge).unwrap().gap;
+            preset.below(&format!("the same at rest, {name}"), still, 1e-4);
+        }
+    }
+}
+
+/// A heavy body on a slider with a spring stands over a light plate on the floor.
+#[test]
+fn heavy_on_a_spring_over_light_stands() {
+    let preset = Preset::bake();
+    for (heavy, light) in [(1000.0, 1.0), (1000.0, 20.0), (10.0, 0.5)] {
+        for frequency in [0.5, 1.0, 5.0] {
+            let mut world: World3 = preset.world();
+            let rough = surface(0.5, 0.0);
+            add_floor(&mut world, &rough);
+            let plate = dynamic([0.0, 0.05, 0.0], Rigid3::cuboid([0.5, 0.05, 0.5]), &rough);
+            let plate = world.add(weighing(plate, light)).unwrap();
+            let top = dynamic([0.0, 1.0, 0.0], Rigid3::cuboid([0.2, 0.2, 0.2]), &rough);
+            let top = world.add(weighing(top, heavy)).unwrap();
+            let (mass, omega) = (f64::from(heavy), TAU * frequency);
+            let sag = ACCELERATION / (omega * omega);
+            let spring = Drive::spring(sag.min(0.5), mass * omega * omega, mass * omega);
+            let slider = Joint::slider([Some(top), Some(plate)]).about([0.0, 1.0, 0.0]);
+            world.join(slider.at([0.0, 1.0, 0.0]).drive(spring)).unwrap();
+            run(&mut world, 4.0);
+            let name = format!("{heavy} kg on {frequency} Hz over {light} kg");
+            let at = place(&world, top);
+            preset.below(&format!("way aside of {name}"), f64::from(at[0].hypot(at[2])), 5e-3);
+        }
+    }
+}
