@@ -35,9 +35,9 @@ GRAVITY = np.array([0.8, -9.6, 1.5])
 TIME = 0.06
 """Length of a bake [s]."""
 FRAMES = 40
-SUBSTEPS = (6, 12)
-"""Per frame, of the coarse and the fine bake."""
-COPIES = 16
+SUBSTEPS = (12, 24)
+"""Per frame, of the coarse and the fine bake. Both take all damping as light (joint/rows.rs)."""
+COPIES = 32
 """Rotated copies of a mechanism."""
 DEGREE = 7
 """Degree of the polynomial in time."""

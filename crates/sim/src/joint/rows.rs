@@ -217,7 +217,7 @@ struct Spring {
     compliance: f64,
     gain: f64,
     drift: f64,
-    /// True if the stiffness is implicit.
+    /// True if it is so stiff that a substep does not resolve its oscillation.
     is_implicit: bool,
 }
 
@@ -246,7 +246,8 @@ impl Spring {
         }
         let sum = h * stiffness + damping;
         let (compliance, gain) = (1.0 / (h * sum), stiffness / sum);
-        Self { compliance, gain, drift: damping * velocity / sum, is_implicit: true }
+        let is_implicit = omega * h >= 0.5;
+        Self { compliance, gain, drift: damping * velocity / sum, is_implicit }
     }
 }
 
