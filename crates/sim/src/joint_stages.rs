@@ -106,7 +106,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let Bodies { velocities, inverse_masses, .. } = &mut self.bodies;
         let StepScratch { springs, spring_pulls: pulls, prospective, ledger, touched, .. } =
             &mut self.scratch;
-        self.solver.joints.find_standing(inverse_masses, touched, &mut springs[1]);
+        let joints = &self.solver.joints;
+        // Those that broke in the solve gave nothing.
+        springs[0].retain(|row| !joints.records[row.slot as usize].broken);
+        joints.find_standing(inverse_masses, touched, &mut springs[1]);
         if springs.iter().all(|own| own.is_empty()) {
             return;
         }

@@ -633,7 +633,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 let share = if part > 1.0 { 1.0 / part } else { 1.0 };
                 let axis = Axis { impulse: impulse * share, ..*axis };
                 let is_drive = matches!(plan.role, Role::Drive(_));
-                found.push(JointRow { bodies: joint.bodies, axis, is_drive });
+                found.push(JointRow { slot, bodies: joint.bodies, axis, is_drive });
             }
         }
     }
@@ -746,9 +746,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.acting.iter().zip(&self.mechanisms.joints).flat_map(|(&slot, joint)| {
             let rows = &self.records[slot as usize].rows;
             let axes = &self.mechanisms.axes[joint.axes()];
-            rows.iter().zip(axes).map(|(row, axis)| {
+            rows.iter().zip(axes).map(move |(row, axis)| {
                 let is_drive = matches!(row.role, Role::Drive(_));
-                JointRow { bodies: joint.bodies, axis: *axis, is_drive }
+                JointRow { slot, bodies: joint.bodies, axis: *axis, is_drive }
             })
         })
     }

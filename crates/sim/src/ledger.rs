@@ -143,6 +143,8 @@ type Velocities<T, const L: usize, const A: usize> = Vec<Velocity<T, L, A>>;
 /// A row of a joint, with its impulse.
 #[derive(Clone, Debug)]
 pub(crate) struct JointRow<const L: usize, const A: usize> {
+    /// Slot of the joint.
+    pub(crate) slot: u32,
     pub(crate) bodies: [u32; 2],
     pub(crate) axis: Axis<f64, L, A>,
     /// True if it is a motor or a spring.
@@ -241,7 +243,7 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
     /// Adds the work of the recorded rows of joints. What follows from the inertia with which a
     /// pulled body was solved counts as integration.
     fn joints(&mut self) {
-        for JointRow { bodies, axis, is_drive } in self.joint_rows.drain(..) {
+        for JointRow { bodies, axis, is_drive, .. } in self.joint_rows.drain(..) {
             let [a, b] = bodies.map(|body| &self.mean[1][body as usize]);
             let work = axis.impulse * axis.velocity(a, b);
             *(if is_drive { &mut self.ledger.drives } else { &mut self.ledger.joints }) += work;

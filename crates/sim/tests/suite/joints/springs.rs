@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use drystone::geometry::Rigid3;
-use drystone::{Coordinate, Drive, Joint, JointAxis, Softness, World};
+use drystone::{Breaking, Coordinate, Drive, Joint, JointAxis, Softness, World};
 
 use super::*;
 
@@ -321,6 +321,26 @@ fn heavy_on_a_spring_over_light_stands() {
             let name = format!("{heavy} kg on {frequency} Hz over {light} kg");
             let at = place(&world, top);
             preset.below(&format!("way aside of {name}"), f64::from(at[0].hypot(at[2])), 5e-3);
+        }
+    }
+}
+
+/// A weight whose spring breaks at once falls as if it had never hung there.
+#[test]
+fn springs_that_break_give_nothing() {
+    for preset in Preset::both() {
+        for stiffness in [200.0, 1e3, 1e5] {
+            let mut world: World3 = preset.world();
+            let body = world.add(ghost([0.0, -2.0, 0.0], inertia(1.0, [0.1; 3]))).unwrap();
+            let origin = Rigid3::turned([0.0; 3], 0.0);
+            let spring = Joint::spring([Some(body), None], Drive::spring(1.0, stiffness, 1.0));
+            let weak = Breaking { force: 1e-3 * stiffness, ..Breaking::NEVER };
+            let spring = spring.in_bodies([origin, origin]).breaking(weak);
+            let spring = world.join(spring).unwrap();
+            run(&mut world, 0.5);
+            assert!(world.joint(spring).unwrap().broken);
+            let speed = f64::from(velocity(&world, body).linear[1]);
+            preset.check(&format!("fall from {stiffness} N/m"), speed, -0.5 * ACCELERATION);
         }
     }
 }
