@@ -45,7 +45,7 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) start: SubstepStart<L, A>,
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
-    /// Whether each body touches one without joints.
+    /// By body: true if it touches one without joints.
     pub(crate) met: Vec<bool>,
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of the last step, if they are recorded.
