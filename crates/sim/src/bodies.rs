@@ -6,6 +6,7 @@ use drystone_solver::{InverseMass, Mass, SymmetricMatrix, System, Vector, Veloci
 use crate::body::{Filter, Material, Motion};
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties, Precession, Reach};
 use crate::ids::{Slots, put};
+use crate::joint::places::BodyView;
 
 /// Description of a body to be added to a world.
 #[derive(Clone)]
@@ -166,6 +167,14 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         if self.mass > 0.0 { 1.0 / self.mass } else { 0.0 }
     }
 
+    /// Returns M at a pose, zero along infinite entries.
+    fn mass_at<G: Geometry<L, A>>(&self, pose: &G::Pose) -> Mass<L, A> {
+        Mass {
+            linear: if self.mass.is_finite() { f64::from(self.mass) } else { 0.0 },
+            angular: G::frame(pose).tensor(self.moments).cast(),
+        }
+    }
+
     /// Returns bounds on the precession of the body: none if its moments differ by less than
     /// 1e-4, or if one is infinite.
     pub(crate) fn precession(&self) -> Precession {
@@ -313,9 +322,12 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) led_energy: [f64; 2],
 }
 
-/// Properties of bodies that stay constant through the substeps of a step.
+/// Properties of bodies that stay constant through the substeps of a part.
 #[derive(Clone, Copy)]
 pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
+    /// Frames of the centers of mass when the part began.
+    pub(crate) frames: &'a [Frame<L>],
+    pub(crate) position_remainders: &'a [Vector<f32, L>],
     motion: &'a [Option<Motion>],
     held: &'a [bool],
     gravity_factor: &'a [f32],
@@ -343,10 +355,35 @@ impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
         self.forces.get(body).copied().unwrap_or(Velocity::ZERO)
     }
 
+    /// Returns M of a body at a pose. It is zero if the body is not dynamic, and zero along infinite
+    /// entries.
+    pub(crate) fn mass<G: Geometry<L, A>>(&self, body: usize, pose: &G::Pose) -> Mass<L, A> {
+        if self.is_dynamic(body) { self.inertia[body].mass_at::<G>(pose) } else { Mass::ZERO }
+    }
+
     /// Returns the acceleration of gravity of a body. \[m/s^2\]
     pub(crate) fn gravity_on(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
         gravity * self.gravity_factor[body]
     }
+}
+
+/// The [`BodyParams`] of [`Bodies`], which stay free to lend their other fields.
+macro_rules! params_of {
+    ($bodies:ident) => {
+        BodyParams {
+            frames: &$bodies.frames,
+            position_remainders: &$bodies.position_remainders,
+            motion: &$bodies.motion,
+            held: &$bodies.held,
+            gravity_factor: &$bodies.gravity_factor,
+            damping: &$bodies.damping,
+            forces: &$bodies.forces,
+            has_joint: &$bodies.has_joint,
+            inertia: &$bodies.inertia,
+            precession: &$bodies.precession,
+            reach: &$bodies.reach,
+        }
+    };
 }
 
 /// Constant properties and mutable state of bodies, for substeps.
@@ -686,31 +723,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// Returns the constant properties and the mutable state of the bodies.
     pub(crate) fn in_motion(&mut self) -> BodiesInMotion<'_, G, L, A> {
-        let Self {
-            motion,
-            held,
-            gravity_factor,
-            damping,
-            forces,
-            has_joint,
-            inertia,
-            precession,
-            reach,
-            ..
-        } = self;
-        let properties = BodyParams {
-            motion,
-            held,
-            gravity_factor,
-            damping,
-            forces,
-            has_joint,
-            inertia,
-            precession,
-            reach,
-        };
         BodiesInMotion {
-            properties,
+            properties: params_of!(self),
             poses: &mut self.poses,
             spin_states: &mut self.spin_states,
             turned: &mut self.turned,
@@ -720,18 +734,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         }
     }
 
-    fn properties(&self) -> BodyParams<'_, L, A> {
-        BodyParams {
-            motion: &self.motion,
-            held: &self.held,
-            gravity_factor: &self.gravity_factor,
-            damping: &self.damping,
-            forces: &self.forces,
-            has_joint: &self.has_joint,
-            inertia: &self.inertia,
-            precession: &self.precession,
-            reach: &self.reach,
+    /// Returns the bodies as joints see them, with these displacements since the search, if any.
+    pub(crate) fn view<'a>(
+        &'a self,
+        displacements: &'a [Velocity<f32, L, A>],
+    ) -> BodyView<'a, G, L, A> {
+        BodyView {
+            first: 0,
+            poses: &self.poses,
+            velocities: &self.velocities,
+            masses: &self.inverse_masses,
+            spin_states: &self.spin_states,
+            displacements,
+            properties: self.properties(),
         }
+    }
+
+    fn properties(&self) -> BodyParams<'_, L, A> {
+        params_of!(self)
     }
 
     /// Sets the linear and angular damping of a body. \[1/s\]
@@ -769,11 +789,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
 
     /// Returns M of a dynamic body at its current pose, whether it is held or not.
     fn own_mass(&self, body: usize) -> Mass<L, A> {
-        let inertia = &self.inertia[body];
-        Mass {
-            linear: if inertia.mass.is_finite() { f64::from(inertia.mass) } else { 0.0 },
-            angular: G::frame(&self.poses[body]).tensor(inertia.moments).cast(),
-        }
+        self.inertia[body].mass_at::<G>(&self.poses[body])
     }
 
     /// Returns M^-1 of a body at its current pose.

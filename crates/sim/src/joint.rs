@@ -20,6 +20,7 @@ pub(crate) mod linkage;
 pub(crate) mod places;
 pub(crate) mod record;
 pub(crate) mod rows;
+pub(crate) mod springs;
 pub(crate) mod tension;
 pub(crate) mod turning;
 

@@ -1,69 +1,33 @@
-//! [`Joints`]: the joints of a world, and what the stages of a substep do with them.
-//!
-//! | Stage | What happens |
-//! |---|---|
-//! | rows | joints of awake bodies are ordered by mechanism; J is computed at the poses |
-//! | warm start | the impulses of the previous substep act; then each row gets its target |
-//! | solve | all joints of a mechanism are solved together, after the contacts |
-//! | advance | bodies with joints rotate; coordinates and J are recomputed |
-//! | relax | all joints of a mechanism are solved together, for velocities that the new J allows |
-//!
-//! About half of the impulse that keeps a body on its arc comes from the solve, half from the
-//! relaxing. So bodies move as under the mean force, and end with velocities that J allows (RATTLE,
-//! Andersen 1983).
+//! [`Joints`]: the joints of a world. [`JointBatch`] has what the stages of a substep do with them.
 
 use std::sync::Arc;
 
 use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::thread_pool::ThreadPool;
-use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, SymmetricMatrix, Vector, Velocity};
+use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, Vector, Velocity};
 
 use crate::bodies::Bodies;
 use crate::geometry::Geometry;
 use crate::ids::Slots;
-use crate::joint::coordinates::{RowCoordinate, Vec3};
-use crate::joint::linkage::{ActingJoints, Aim, Linkage, Taming};
-use crate::joint::places::{BodyPlaces, in_space};
+use crate::joint::coordinates::{RowCoordinate, Turn, Vec3};
+use crate::joint::linkage::Linkage;
+use crate::joint::places::{BodyView, in_space};
 use crate::joint::record::{JointRecord, WORLD};
 use crate::joint::rows::{Role, RowState};
-use crate::joint::turning::{FrameMotion, nutation, turn_of_inertia, turn_of_line};
-use crate::joint::{Breaking, JointState};
+use crate::joint::{Breaking, JointState, turning};
+use crate::joint_batch::JointBatch;
 use crate::ledger::JointRow;
 use crate::report::BrokenJoint;
-
-/// Longest time over which a blow counts as a mean force. What breaks does not depend on the length of
-/// steps, as far as two substeps are shorter. \[s\]
-const BLOW: f64 = 1.0 / 240.0;
 
 /// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
 const LEAST_GRAVITY: f64 = 9.81;
 
-/// Largest miss of a joint at the end of a substep that is solved no more. \[m, or rad\]
-const MOST_MISS: f64 = 1e-5;
-
-/// Miss of a joint at which targets follow the path no more, in a solve to a tolerance. \[m, or rad\]
-const LEAST_MISS: f64 = 1e-8;
-
 /// Speed of a body below which it counts as resting for its contacts. \[m/s\]
 const RESTING: f32 = 0.05;
-
-/// Largest rotation of a body by half of what a spring that stands gives it in a substep. \[rad\]
-const MOST_TURNED: f64 = 0.01;
-
-/// Largest acceleration by such a spring of a body that touches others. \[m/s^2\]
-const MOST_PUSHED: f64 = 400.0;
 
 /// Number of substeps in which a mechanism that falls gets so fast that its joints no longer relax before
 /// contacts, in a solve to a tolerance. Without that, what rests on contacts has the velocity of one. \[1\]
 const SETTLING: f32 = 10.0;
-
-/// Part of the rotation of an arm in a substep that a rotation which is counted counts for: 0.1 rad of
-/// an arm are 1.5 rad of it, and half a turn would be too much. \[1\]
-const COUNTED: f64 = 1.0 / 15.0;
-
-/// Part of the rotation of an arm in a substep that a nutation counts for. Joints act on a body at the ends
-/// of substeps; in between a top nutates freely. With 1.1 rad of that it precesses 0.5 % too slowly. \[1\]
-const NUTATING: f64 = 1.0 / 11.0;
 
 /// State of joints between two steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -106,8 +70,6 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     step: f64,
     /// Length of the substep, or of the last one. \[s\]
     substep: f64,
-    /// Inertia that pulls add to bodies ([`tension`](crate::joint::tension)).
-    pub(crate) surpluses: Vec<(u32, SymmetricMatrix<f64, A>)>,
     /// True if the rows of the joints that act must be rebuilt.
     is_stale: bool,
     /// Length of the last step. \[s\]
@@ -132,6 +94,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Returns the pairs of bodies of the joints that act. A joint to the world has its body twice.
     pub(crate) fn pairs(&self) -> impl Iterator<Item = [u32; 2]> + Clone {
         self.pairs.iter().copied()
+    }
+
+    /// Returns the pairs of bodies of the joints that act.
+    pub(crate) fn couplings(&self) -> &[[u32; 2]] {
+        &self.pairs
     }
 
     /// Returns true if the joint of this index among those that act has a motor that runs.
@@ -232,18 +199,27 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.mechanisms.set_pool(pool);
     }
 
-    /// Finds the mechanisms of which a body touches another one, and those of which it touches one
-    /// without joints.
+    /// Finds the bodies that touch others, and the mechanisms of which one touches one without joints.
     pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> [bool; 2]) {
         for linkage in &mut self.linkages {
-            linkage.touches = linkage.members.iter().any(|&body| touches(body)[0]);
-            linkage.meets = linkage.members.iter().any(|&body| touches(body)[1]);
+            linkage.meets = false;
+            for (touched, &body) in linkage.touched.iter_mut().zip(&linkage.members) {
+                let [touches, meets] = touches(body);
+                *touched = touches;
+                linkage.meets |= meets;
+            }
+            linkage.touches = linkage.touched.contains(&true);
         }
     }
 
     /// Returns true if a body of a mechanism touches another one.
     pub(crate) fn touch(&self) -> bool {
         self.linkages.iter().any(|linkage| linkage.touches)
+    }
+
+    /// Returns the joints that act as one batch.
+    pub(crate) fn batch(&mut self) -> JointBatch<'_, L, A> {
+        JointBatch { mechanisms: self.mechanisms.batch(), linkages: &mut self.linkages }
     }
 
     /// Prepares for the joints that act.
@@ -259,246 +235,47 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
         mechanisms.connect(&bodies.inverse_masses);
         linkages.clear();
-        let mut first = 0;
-        for part in mechanisms.parts() {
+        let mut left = acting.as_slice();
+        for part in mechanisms.batch().parts() {
             let masses = part.bodies().iter().map(|&body| bodies.mass(body as usize).linear);
             let numbers = [masses.sum(), gravity.max(LEAST_GRAVITY)];
-            linkages.push(Linkage::new(&part, first, numbers));
-            first += part.joints.len();
+            let (slots, later) = left.split_at(part.joints.len());
+            left = later;
+            linkages.push(Linkage::new(&part, (slots, records), numbers));
         }
     }
 
-    /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps of
-    /// `h` \[s\]. A lock that carries the weight of its mechanism yields by `stretch` \[m\]. Repair
-    /// is at most as fast as `speed`. \[m/s\]
-    pub(crate) fn renew<G: Geometry<L, A>>(
-        &mut self,
-        at: &BodyPlaces<'_, G, L, A>,
-        [h, stretch, speed]: [f64; 3],
-    ) {
-        self.take_substep(h);
-        let Self { mechanisms, records, acting, linkages, .. } = self;
-        let joints = ActingJoints { records, acting };
-        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
-            linkage.renew(at, joints, &mut part, [h, stretch, speed]);
-        });
-        linkages.iter().for_each(|linkage| linkage.pass_on(records, acting));
-    }
-
-    /// Sets the length of the substep \[s\], and scales the impulses of the last one to it: forces last.
-    fn take_substep(&mut self, h: f64) {
+    /// Begins a part with substeps of `h` \[s\]: the mechanisms take the states of their joints.
+    pub(crate) fn begin_part(&mut self, h: f64) {
         let before = std::mem::replace(&mut self.substep, h);
-        if before == h || before == 0.0 {
-            return;
+        if before != h && before != 0.0 {
+            self.records.iter_mut().for_each(|record| record.scale(h / before));
         }
-        for record in &mut self.records {
-            for RowState { solved, relaxed, solved_before, .. } in &mut record.states {
-                [solved, relaxed, solved_before].into_iter().for_each(|own| *own *= h / before);
-            }
-            record.pulls.iter_mut().for_each(|own| *own *= h / before);
-        }
+        let Self { linkages, records, step, .. } = self;
+        linkages.iter_mut().for_each(|linkage| linkage.load(records, [*step, h]));
     }
 
-    /// Sets the impulses of the rows to those that the last solve lets expect.
-    fn recall(&mut self) {
-        let Self { mechanisms, records, acting, .. } = self;
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let states = &records[slot as usize].states;
-            for (axis, state) in mechanisms.axes[joint.axes()].iter_mut().zip(states) {
-                axis.impulse = state.lasting();
-            }
+    /// Ends a part: the mechanisms give the states of their joints back.
+    pub(crate) fn end_part(&mut self) {
+        let Self { linkages, records, substep, snapped, .. } = self;
+        for linkage in linkages {
+            linkage.unload(records, *substep);
+            snapped.append(&mut linkage.snapped);
         }
     }
 
-    /// Computes (h S - I)+ / 2 of the bodies for which it is not zero
-    /// ([`tension`](crate::joint::tension)), for substeps of `h` \[s\].
-    pub(crate) fn find_surpluses<G: Geometry<L, A>>(
-        &mut self,
-        at: &BodyPlaces<'_, G, L, A>,
-        h: f64,
-    ) {
-        let Self { mechanisms, records, acting, linkages, surpluses, .. } = self;
-        surpluses.clear();
-        for (linkage, part) in linkages.iter_mut().zip(mechanisms.parts()) {
-            linkage.find_surpluses(at, (records, acting), part.axes, h, |body, surplus| {
-                surpluses.push((body, surplus));
-            });
-        }
-    }
-
-    /// Takes the present masses of the bodies that have [surpluses](Self::find_surpluses).
-    pub(crate) fn stiffen(&mut self, masses: &[InverseMass<f32, L, A>]) {
-        self.mechanisms.for_each(self.linkages.iter(), |mut part, linkage| {
-            if linkage.is_stiffened {
-                part.renew(masses);
-            }
-        });
-    }
-
-    /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
-    /// The bodies are expected to move at the `prospective` velocities, with the lasting impulses of
-    /// the joints. If `exact`, the targets of bodies that touch others follow their paths, too, which
-    /// contacts then [change](Self::aim_again).
-    pub(crate) fn warm_start<G: Geometry<L, A>>(
-        &mut self,
-        bodies: &mut Bodies<G, L, A>,
-        displacements: &[Velocity<f32, L, A>],
-        prospective: &[Velocity<f32, L, A>],
-        exact: bool,
-    ) {
-        self.recall();
-        self.mechanisms.apply(&mut bodies.velocities, &bodies.inverse_masses);
-        let least_miss = if exact { LEAST_MISS } else { MOST_MISS };
-        let Self { mechanisms, records, acting, linkages, substep: h, .. } = self;
-        let at = BodyPlaces { bodies, displacements };
-        let aim = Aim { joints: ActingJoints { records, acting }, at, h: *h, least_miss };
-        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
-            // Displacements have changed since J was computed.
-            linkage.look(&aim.at);
-            linkage.expect(prospective);
-            // Where contacts act, too, joints alone do not tell the path.
-            if !linkage.touches {
-                part.apply(&mut linkage.expected, &aim.at.bodies.inverse_masses);
-            }
-            linkage.set_targets(&aim, &mut part);
-            let velocities = &aim.at.bodies.velocities;
-            linkage.aims = linkage.is_fast(velocities, aim.h) && (exact || !linkage.touches);
-            if linkage.aims {
-                part.load(velocities);
-                linkage.follow(&aim, &mut part);
-            }
-        });
-        mechanisms.store(linkages.iter().map(|linkage| linkage.aims), &mut bodies.velocities);
-    }
-
-    /// Solves the mechanisms whose targets follow their paths.
-    pub(crate) fn solve_aiming(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        let Self { mechanisms, linkages, .. } = self;
-        mechanisms.solve_those(linkages.iter().map(|linkage| linkage.aims), velocities);
-    }
-
-    /// Sets the targets again where contacts have changed the paths of bodies that turn fast. Returns
-    /// true if joints would then miss their places by more than [`MOST_MISS`]. If the joints are solved
-    /// `alone`, the targets follow further.
-    pub(crate) fn aim_again<G: Geometry<L, A>>(
-        &mut self,
-        bodies: &mut Bodies<G, L, A>,
-        displacements: &[Velocity<f32, L, A>],
-        alone: bool,
-    ) -> bool {
-        if !self.touch() {
-            return false;
-        }
-        let Self { mechanisms, records, acting, linkages, substep: h, .. } = self;
-        let at = BodyPlaces { bodies, displacements };
-        let aim =
-            Aim { joints: ActingJoints { records, acting }, at, h: *h, least_miss: MOST_MISS };
-        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
-            let velocities = &aim.at.bodies.velocities;
-            linkage.aims = linkage.touches && linkage.is_fast(velocities, aim.h) && {
-                linkage.expect(velocities);
-                linkage.set_targets(&aim, &mut part)
-            };
-            if linkage.aims && alone {
-                part.load(velocities);
-                linkage.follow(&aim, &mut part);
-            }
-        });
-        let aims = linkages.iter().map(|linkage| linkage.aims);
-        if alone {
-            mechanisms.store(aims.clone(), &mut bodies.velocities);
-        }
-        aims.clone().any(|aims| aims)
-    }
-
-    /// Tames the mechanisms whose locks add energy to bodies that
-    /// would move at the `prospective` velocities. Returns true if there are any.
-    pub(crate) fn tame(
-        &mut self,
-        taming: Taming,
-        velocities: &[Velocity<f32, L, A>],
-        prospective: &[Velocity<f32, L, A>],
-        masses: &[InverseMass<f32, L, A>],
-    ) -> bool {
-        let Self { mechanisms, records, acting, linkages, .. } = self;
-        let joints = ActingJoints { records, acting };
-        mechanisms.for_each(linkages.iter_mut(), |mut part, linkage| {
-            let may_be = taming == Taming::Soften || linkage.aims;
-            linkage.aims = may_be
-                && linkage.tame((joints, taming), &mut part, [prospective, velocities], masses);
-        });
-        linkages.iter().any(|linkage| linkage.aims)
-    }
-
-    /// Returns the largest angle by which an arm, an axis or the line of a joint, or the inertia of a
-    /// body that it holds, turns within `dt` \[s\]; any angle up to `least` if none is larger. `gravity`
-    /// is the length of its acceleration. \[rad, m/s^2\]
+    /// Returns the largest angle by which joints turn within `dt` \[s\]; any angle up to `least` if none
+    /// is larger ([`turning`]). `gravity` is the length of its acceleration. \[rad, m/s^2\]
     pub(crate) fn largest_turn<G: Geometry<L, A>>(
         &self,
-        bodies: &Bodies<G, L, A>,
+        at: &BodyView<'_, G, L, A>,
         [dt, least]: [f64; 2],
         gravity: f64,
     ) -> f64 {
-        // An inertia turns at twice the rate of its body at most.
-        let slow = 0.5 * least / dt;
-        let omega = |body: u32| match body {
-            WORLD => 0.0,
-            body => f64::from(bodies.velocities[body as usize].angular.length()),
-        };
-        let mut fastest = 0.0f64;
         // Those that act are known to a world that has just been restored only later in the step.
-        for (_, record) in self.taken().filter(|(_, own)| own.enabled && !own.broken) {
-            let turns = record.bodies.iter().any(|&body| omega(body) > slow);
-            if !turns && !record.has_line() {
-                continue;
-            }
-            let holds = record.rows.iter().any(|row| row.turns_with_axis());
-            let motions = [0, 1].map(|side| FrameMotion::of(record, side, bodies));
-            for (motion, &body) in motions.iter().zip(&record.bodies) {
-                fastest = fastest.max(motion.turn_of(motion.arm));
-                if body == WORLD {
-                    continue;
-                }
-                if !(holds && record.bodies.contains(&WORLD)) {
-                    fastest = fastest.max(nutation(bodies, body as usize) * NUTATING);
-                }
-                if holds {
-                    let axis = motion.turn.rotate(Vector([1.0, 0.0, 0.0]));
-                    fastest = fastest.max(motion.turn_of(axis));
-                    fastest = fastest.max(turn_of_inertia(bodies, body as usize));
-                }
-            }
-            fastest = fastest.max(turn_of_line(record, &motions, gravity * dt));
-            if record.axes.iter().any(|axis| axis.coordinate.counts_turns()) {
-                let spin = (motions[0].omega - motions[1].omega).length();
-                fastest = fastest.max(spin * COUNTED);
-            }
-        }
-        fastest * dt
-    }
-
-    /// Passes an impact on through the locks: the bodies that it has struck pull those joined to them.
-    /// Locks take energy, and never add any.
-    pub(crate) fn pass_impact(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        let Self { mechanisms, records, acting, .. } = self;
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let record = &records[slot as usize];
-            let holds = record.breaking == Breaking::NEVER;
-            for (axis, row) in mechanisms.axes[joint.axes()].iter_mut().zip(&record.rows) {
-                axis.impulse = 0.0;
-                axis.law.targets = [0.0; 2];
-                axis.law.bounds = match row.role {
-                    Role::Lock(_, None) if holds => [f64::NEG_INFINITY, f64::INFINITY],
-                    _ => [0.0; 2],
-                };
-            }
-        }
-        mechanisms.solve(velocities);
-    }
-
-    /// Solves all mechanisms for the targets of the substep.
-    pub(crate) fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.mechanisms.solve(velocities);
+        let acting = self.taken().filter(|(_, own)| own.enabled && !own.broken);
+        let rate = |(_, record)| turning::rate(record, at, [Turn::NONE; 2], [dt, least], gravity);
+        acting.map(rate).fold(0.0, f64::max) * dt
     }
 
     /// Finds for each body with joints whether it rests, with all that are joined to it; and which
@@ -528,156 +305,14 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
     }
 
-    /// Solves the mechanisms of which a body touches another one; of an `exact` solve only those that
-    /// rest ([`Lead`](drystone_solver::lanes::Lead)).
-    pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>], exact: bool) {
-        let Self { mechanisms, linkages, .. } = self;
-        let is_due = |of: &Linkage<L, A>| if exact { of.leads } else { of.touches };
-        mechanisms.solve_those(linkages.iter().map(is_due), velocities);
-    }
-
     /// Returns true if a joint that acts may break.
     pub(crate) fn may_break(&self) -> bool {
         self.acting.iter().any(|&slot| self.records[slot as usize].breaking != Breaking::NEVER)
     }
 
-    /// Breaks the joints that the solve of a substep loads by more than their strength in [`BLOW`], or in
-    /// two substeps.
-    /// Returns true if there were any; then the substep is to be solved again.
-    pub(crate) fn snap(
-        &mut self,
-        velocities: &mut [Velocity<f32, L, A>],
-        masses: &[InverseMass<f32, L, A>],
-    ) -> bool {
-        let Self { mechanisms, records, acting, linkages, substep, snapped, step, .. } = self;
-        let before = snapped.len();
-        let arms = linkages.iter().flat_map(|linkage| linkage.arms.iter().zip(linkage.turns()));
-        for ((&slot, joint), (arms, turns)) in acting.iter().zip(&mechanisms.joints).zip(arms) {
-            let record = &mut records[slot as usize];
-            if record.broken || record.breaking == Breaking::NEVER || joint.count == 0 {
-                continue;
-            }
-            let axes = &mut mechanisms.axes[joint.axes()];
-            let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), arms);
-            // The solve may bear up to twice the load of its substep, and relaxing takes it back.
-            let time = step.min(BLOW).max(2.0 * *substep);
-            if record.strain(load.map(|own| own.length()), time) <= 1.0 {
-                continue;
-            }
-            record.bear(load, turns);
-            record.broken = true;
-            snapped.push(slot);
-            for axis in axes {
-                for (body, jacobian) in joint.bodies.into_iter().zip(&axis.jacobian) {
-                    let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
-                    velocities[body as usize] -=
-                        inverse.velocity(&(*jacobian * axis.impulse)).cast();
-                }
-                (axis.impulse, axis.law.bounds) = (0.0, [0.0; 2]);
-            }
-        }
-        snapped.len() > before
-    }
-
-    /// Returns the number of joints that the step has [snapped](Self::snap) so far.
+    /// Returns the number of joints that the step has broken so far within substeps.
     pub(crate) fn snapped(&self) -> usize {
-        self.snapped.len()
-    }
-
-    /// Stores the impulses of the solve.
-    pub(crate) fn keep_solved(&mut self) {
-        self.keep(|state, impulse| {
-            state.solved_before = std::mem::replace(&mut state.solved, impulse);
-        });
-    }
-
-    /// Finds the springs that stand, with their impulses where the bodies are.
-    ///
-    /// One that turns a body is counted up to [`MOST_TURNED`], one that pushes a body which is `touched` by
-    /// others up to [`MOST_PUSHED`]. One that a limit holds does not count: a servo that presses on it does
-    /// not move.
-    pub(crate) fn find_standing(
-        &self,
-        masses: &[InverseMass<f32, L, A>],
-        touched: &[bool],
-        found: &mut Vec<JointRow<L, A>>,
-    ) {
-        found.clear();
-        let Self { mechanisms, records, acting, linkages, .. } = self;
-        let mut params = linkages.iter().flat_map(|linkage| &linkage.params);
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let record = &records[slot as usize];
-            let rows = record.rows.iter().zip(&record.states).zip(&mut params);
-            for (((plan, state), params), axis) in rows.zip(&mechanisms.axes[joint.axes()]) {
-                if record.broken || !plan.role.is_spring() {
-                    continue;
-                }
-                let impulse = plan.role.standing(state.value, state.solved, params);
-                let held = record.rows.iter().zip(&record.states).any(|(other, state)| {
-                    other.axis == plan.axis
-                        && matches!(other.role, Role::Limit(_, None))
-                        && state.solved * impulse < 0.0
-                });
-                if impulse == 0.0 || held {
-                    continue;
-                }
-                // Parts of the largest gains that count, per impulse.
-                let parts = joint.bodies.into_iter().zip(&axis.jacobian).map(|(body, jacobian)| {
-                    let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
-                    let gain = inverse.velocity(jacobian);
-                    let pushed = if touched[body as usize] { gain.linear.length() } else { 0.0 };
-                    let turned = 0.5 * params.h * gain.angular.length() / MOST_TURNED;
-                    turned.max(pushed / (params.h * MOST_PUSHED))
-                });
-                let part = parts.fold(0.0, f64::max) * impulse.abs();
-                let share = if part > 1.0 { 1.0 / part } else { 1.0 };
-                let axis = Axis { impulse: impulse * share, ..*axis };
-                let is_drive = matches!(plan.role, Role::Drive(_));
-                found.push(JointRow { slot, bodies: joint.bodies, axis, is_drive });
-            }
-        }
-    }
-
-    /// Begins the relaxing: each row gets its law for the end of the substep, and no impulse. So every
-    /// visit of joints and contacts in turn takes energy away. From the impulses of the last relaxing
-    /// contacts would bear what joints then take back, and throw bodies whose contacts and joints bear
-    /// against each other. J has been [renewed](Self::renew).
-    pub(crate) fn begin_relaxing(&mut self) {
-        let Self { mechanisms, records, acting, substep, .. } = self;
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let record = &records[slot as usize];
-            let rows = record.rows.iter().zip(&record.states);
-            for ((plan, state), axis) in rows.zip(&mut mechanisms.axes[joint.axes()]) {
-                axis.law = plan.role.relaxing_law(&axis.law, state, *substep);
-                if record.broken {
-                    axis.law.bounds = [0.0; 2];
-                }
-                axis.impulse = 0.0;
-            }
-        }
-    }
-
-    /// Stores the impulses of the relaxing, and sums the loads of the joints.
-    pub(crate) fn keep_relaxed(&mut self) {
-        self.keep(|state, impulse| state.relaxed = impulse);
-        let Self { mechanisms, records, acting, linkages, .. } = self;
-        let arms = linkages.iter().flat_map(|linkage| linkage.arms.iter().zip(linkage.turns()));
-        for ((&slot, joint), (arms, turns)) in acting.iter().zip(&mechanisms.joints).zip(arms) {
-            let record = &mut records[slot as usize];
-            let impulses = record.states.iter().map(|state| state.solved + state.relaxed);
-            let load = record.load_by(&mechanisms.axes[joint.axes()], impulses, arms);
-            record.bear(load, turns);
-        }
-    }
-
-    fn keep(&mut self, to: impl Fn(&mut RowState, f64)) {
-        let Self { mechanisms, records, acting, .. } = self;
-        for (&slot, joint) in acting.iter().zip(&mechanisms.joints) {
-            let states = &mut records[slot as usize].states;
-            for (axis, state) in mechanisms.axes[joint.axes()].iter().zip(states) {
-                to(state, axis.impulse);
-            }
-        }
+        self.snapped.len() + self.linkages.iter().map(|of| of.snapped.len()).sum::<usize>()
     }
 
     /// Makes the next [choice](Self::choose) rebuild the rows.
@@ -748,9 +383,19 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let axes = &self.mechanisms.axes[joint.axes()];
             rows.iter().zip(axes).map(move |(row, axis)| {
                 let is_drive = matches!(row.role, Role::Drive(_));
-                JointRow { slot, bodies: joint.bodies, axis: *axis, is_drive }
+                JointRow { bodies: joint.bodies, axis: *axis, is_drive }
             })
         })
+    }
+
+    /// Returns the rows of the springs that have stood in the substep, with what they give at its end.
+    pub(crate) fn spring_rows(&self) -> impl Iterator<Item = JointRow<L, A>> {
+        self.linkages.iter().flat_map(|of| of.springs.iter().flatten()).map(|(_, row)| row.clone())
+    }
+
+    /// Returns true if pulls have added inertia to a body in the substep.
+    pub(crate) fn are_stiffened(&self) -> bool {
+        self.linkages.iter().any(|of| !of.true_masses.is_empty())
     }
 
     /// Begins a step of `dt` \[s\]: clears the loads of joints of bodies that move. Those of sleeping
@@ -788,7 +433,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     pub(crate) fn state<G: Geometry<L, A>>(
         &self,
         slot: usize,
-        at: &BodyPlaces<'_, G, L, A>,
+        at: &BodyView<'_, G, L, A>,
         dt: f64,
     ) -> JointState {
         let record = &self.records[slot];
@@ -796,7 +441,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let velocity = |side: usize| match record.bodies[side] {
             WORLD => Velocity::ZERO,
             body => {
-                let Velocity { linear, angular } = at.bodies.velocities[body as usize];
+                let Velocity { linear, angular } = at.velocity(body);
                 Velocity { linear: in_space(linear), angular: in_space(angular) }
             }
         };
@@ -819,7 +464,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Returns the largest miss of a position \[m\] and of a rotation \[rad\] over the joints that
     /// act.
-    pub(crate) fn worst<G: Geometry<L, A>>(&self, at: &BodyPlaces<'_, G, L, A>) -> [f64; 2] {
+    pub(crate) fn worst<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> [f64; 2] {
         let mut worst = [0.0; 2];
         let acting = self.acting.iter().map(|&slot| &self.records[slot as usize]);
         for record in acting.filter(|record| !record.broken) {

@@ -70,10 +70,9 @@ pub struct Ledger {
 
 impl<const L: usize, const A: usize> JointRow<L, A> {
     /// Returns its bodies and the wrenches by which it acts on them. \[N s, N m s\]
-    pub(crate) fn pulls(&self) -> impl Iterator<Item = (usize, Velocity<f64, L, A>)> {
+    pub(crate) fn pulls(&self) -> impl Iterator<Item = (u32, Velocity<f64, L, A>)> {
         let Axis { jacobian, impulse, .. } = self.axis;
-        let pulls = jacobian.into_iter().map(move |of| of * impulse);
-        self.bodies.into_iter().map(|body| body as usize).zip(pulls)
+        self.bodies.into_iter().zip(jacobian.map(|of| of * impulse))
     }
 }
 
@@ -143,8 +142,6 @@ type Velocities<T, const L: usize, const A: usize> = Vec<Velocity<T, L, A>>;
 /// A row of a joint, with its impulse.
 #[derive(Clone, Debug)]
 pub(crate) struct JointRow<const L: usize, const A: usize> {
-    /// Slot of the joint.
-    pub(crate) slot: u32,
     pub(crate) bodies: [u32; 2],
     pub(crate) axis: Axis<f64, L, A>,
     /// True if it is a motor or a spring.

@@ -9,6 +9,7 @@ use drystone_solver::{InverseMass, Repair, SymmetricMatrix, Vector, Velocity};
 
 use crate::bodies::{Bodies, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped};
 use crate::geometry::{Frame, Geometry, PRECESS_LANES, Precession, Spin};
+use crate::joint::places::BodyView;
 
 /// Number of bodies per chunk. In each chunk, the precessing bodies are collected before they are
 /// rotated.
@@ -29,6 +30,10 @@ const MOST_BORNE: f32 = 20.0;
 /// Largest rotation of such a body by the constant part in a substep. \[rad\]
 const MOST_TURN: f32 = 0.02;
 
+/// In a substep no arm of a joint turns by more than this angle, as far as the setting `max_substeps`
+/// allows. \[rad\]
+pub(crate) const MOST_ARM_TURN: f64 = 0.1;
+
 /// Parameters of the substeps of a part.
 #[derive(Clone, Copy)]
 pub(crate) struct SubstepParams<const L: usize> {
@@ -42,6 +47,11 @@ pub(crate) struct SubstepParams<const L: usize> {
     pub(crate) repair: Repair<f32>,
     /// Softness of contacts: epsilon / (A_ii + epsilon). \[1\]
     pub(crate) softness: f32,
+    /// Length of the shortest substep, and the time of the part before the first one. \[s\]
+    pub(crate) shortest: f32,
+    pub(crate) passed: f32,
+    /// Stretch of locks that carry the weight of their mechanism. \[m\]
+    pub(crate) stretch: f32,
 }
 
 /// The bodies of a batch: slices of their state, and the constant properties of all bodies.
@@ -53,8 +63,11 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
     /// Displacements since the part began.
     pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
-    /// Velocities that springs give to bodies in the substep, if there are any.
-    pub(crate) spring_gains: &'a [Velocity<f32, L, A>],
+    /// Velocities that springs give to bodies in the substep, if there are joints.
+    pub(crate) spring_gains: &'a mut [Velocity<f32, L, A>],
+    /// What a substep changes before bodies move, as it was at its start, if there are joints
+    /// (`retake.rs`).
+    pub(crate) start: [&'a mut [Velocity<f32, L, A>]; 4],
     /// M^-1 J^T gamma of the last warm start.
     pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
@@ -67,12 +80,31 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) pool: &'a ThreadPool,
 }
 
+impl<const L: usize> SubstepParams<L> {
+    /// Returns true if substeps may be shorter.
+    pub(crate) fn may_shorten(&self) -> bool {
+        self.h > 1.01 * self.shortest
+    }
+
+    /// Returns parameters for the rest of the part after `taken` substeps, in which joints would turn at
+    /// this `rate`. \[rad/s\]
+    pub(crate) fn shortened(&self, taken: u32, rate: f64) -> Self {
+        let (left, passed) = (self.substeps - taken, self.passed + self.h * taken as f32);
+        let rest = self.h * left as f32;
+        let most = (rest / self.shortest).max(1.0);
+        let substeps = (rate * f64::from(rest) / MOST_ARM_TURN).ceil().min(f64::from(most)) as u32;
+        let substeps = substeps.max(left);
+        let h = rest / substeps as f32;
+        Self { h, substeps, passed, repair: Repair { dt: h, ..self.repair }, ..*self }
+    }
+}
+
 impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, L, A> {
     /// Returns all bodies.
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
-        prospective: &'a mut [Velocity<f32, L, A>],
-        [displacements, spring_gains]: [&'a mut [Velocity<f32, L, A>]; 2],
+        [prospective, displacements, spring_gains]: [&'a mut [Velocity<f32, L, A>]; 3],
+        start: [&'a mut [Velocity<f32, L, A>]; 4],
         pool: &'a ThreadPool,
     ) -> Self {
         let own = bodies.in_motion();
@@ -82,6 +114,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             prospective,
             displacements,
             spring_gains,
+            start,
             contact_gains: own.contact_gains,
             poses: own.poses,
             spin_states: own.spin_states,
@@ -102,6 +135,12 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         let (spin_states, later_spin_states) = self.spin_states.split_at_mut(count);
         let (turned, later_turned) = self.turned.split_at_mut(count);
         let (masses, later_masses) = self.masses.split_at_mut(count);
+        let (spring_gains, later_spring_gains) = split_filled(self.spring_gains, count);
+        let mut later_start: [&mut [_]; 4] = Default::default();
+        let mut start: [&mut [_]; 4] = Default::default();
+        for (all, parts) in self.start.into_iter().zip(start.iter_mut().zip(&mut later_start)) {
+            (*parts.0, *parts.1) = split_filled(all, count);
+        }
         let first = Self {
             velocities,
             prospective,
@@ -111,6 +150,8 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             spin_states,
             turned,
             masses,
+            spring_gains,
+            start,
             ..self
         };
         let others = Self {
@@ -123,9 +164,41 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             spin_states: later_spin_states,
             turned: later_turned,
             masses: later_masses,
+            spring_gains: later_spring_gains,
+            start: later_start,
             ..self
         };
         (first, others)
+    }
+
+    /// Returns the bodies as joints see them.
+    pub(crate) fn view(&self) -> BodyView<'_, G, L, A> {
+        BodyView {
+            first: self.first,
+            poses: self.poses,
+            velocities: self.velocities,
+            masses: self.masses,
+            spin_states: self.spin_states,
+            displacements: self.displacements,
+            properties: self.properties,
+        }
+    }
+
+    /// Keeps what a substep changes before its bodies move.
+    pub(crate) fn keep_start(&mut self) {
+        let now = [&self.velocities, &self.prospective, &self.displacements, &self.contact_gains];
+        for (start, now) in self.start.iter_mut().zip(now) {
+            start.copy_from_slice(now);
+        }
+    }
+
+    /// Takes back what a substep has changed.
+    pub(crate) fn restore_start(&mut self) {
+        let Self { velocities, prospective, displacements, contact_gains, .. } = self;
+        let now = [velocities, prospective, displacements, contact_gains];
+        for (start, now) in self.start.iter().zip(now) {
+            now.copy_from_slice(start);
+        }
     }
 
     /// Applies gravity and forces: v* = v + h (g + M^-1 f), with damping. Stores in `prospective`
@@ -203,7 +276,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         let moved = self.velocities.chunks(share).zip(self.prospective.chunks(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
         let turning = AtomicBool::new(false);
-        let (first, properties, springs) = (self.first, self.properties, self.spring_gains);
+        let (first, properties, springs) = (self.first, self.properties, &*self.spring_gains);
         self.pool.for_each(
             useful,
             moved.zip(self.contact_gains.chunks_mut(share)).enumerate(),
@@ -222,7 +295,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
                         angular: common(now.angular, before.angular),
                     };
                     if properties.has_joint(body) {
-                        let spring = springs.get(body).copied().unwrap_or(Velocity::ZERO);
+                        let spring = springs.get(body - first).copied().unwrap_or_default();
                         let weight = properties.gravity_on(body, gravity).length() * h;
                         constant = constant * borne(&constant, &spring, weight, h) + spring;
                     }
@@ -295,6 +368,11 @@ fn borne<const L: usize, const A: usize>(
     let of_speed = share(gain.linear.length(), all.linear.length(), most);
     let most = (MOST_TURN / h).max(spring.angular.length());
     of_speed.min(share(gain.angular.length(), all.angular.length(), most))
+}
+
+/// Splits a slice that may be empty.
+fn split_filled<T>(slice: &mut [T], count: usize) -> (&mut [T], &mut [T]) {
+    slice.split_at_mut(count.min(slice.len()))
 }
 
 /// Speeds of the bodies in a substep.

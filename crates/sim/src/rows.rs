@@ -16,6 +16,8 @@ pub(crate) struct CacheSource<'a, const L: usize, const A: usize> {
     pub(crate) cache: &'a ManifoldCache<L>,
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
     pub(crate) stiffness: Stiffness<'a>,
+    /// Pairs of bodies that joints couple.
+    pub(crate) couplings: &'a [[u32; 2]],
     /// True if these are the manifolds of the step before, with as many points.
     pub(crate) same: bool,
     /// True if all bodies take their substeps together.
@@ -54,6 +56,10 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
 
     fn is_whole(&self) -> bool {
         self.in_order
+    }
+
+    fn couplings(&self) -> &[[u32; 2]] {
+        self.couplings
     }
 
     #[inline(always)]
@@ -162,6 +168,7 @@ mod tests {
             cache: &cache,
             velocities: &system.velocities,
             stiffness: certifier.no_stiffness(),
+            couplings: &[],
             same: false,
             whole_system: true,
             in_order: false,
@@ -192,8 +199,16 @@ mod tests {
         let mut reuse = |h, [same, in_order]: [bool; 2]| {
             let stiffness = certifier.stiffness(cache.pairs(), |_| [10.0, 1.0], &settings, h);
             let (cache, velocities): (_, &[Velocity<f32, 3, 3>]) = (&cache, &[]);
-            let rows =
-                CacheSource { cache, velocities, stiffness, same, whole_system: true, in_order };
+            let (couplings, whole_system) = (&[], true);
+            let rows = CacheSource {
+                cache,
+                velocities,
+                stiffness,
+                couplings,
+                same,
+                whole_system,
+                in_order,
+            };
             rows.reuse(0)
         };
         let found = [

@@ -5,7 +5,7 @@ use drystone_solver::assembled::{Assembly, ProblemError};
 use drystone_solver::{System, Vector};
 
 use crate::geometry::Geometry;
-use crate::joint::places::BodyPlaces;
+use crate::joint::places::BodyView;
 use crate::joint::record::WORLD;
 use crate::joint::rows::{Role, RowPlan};
 use crate::joints::Joints;
@@ -125,7 +125,7 @@ impl<const L: usize, const A: usize> SavedSystem<L, A> {
     pub(crate) fn new<G: Geometry<L, A>>(
         contacts: &System<f32, L, A>,
         joints: &Joints<L, A>,
-        at: &BodyPlaces<'_, G, L, A>,
+        at: &BodyView<'_, G, L, A>,
         substep: f32,
     ) -> Self {
         let mut system: System<f64, L, A> = contacts.cast();
@@ -145,7 +145,7 @@ impl<const L: usize, const A: usize> SavedSystem<L, A> {
         Self {
             system,
             joints: joints.acting().iter().map(saved).collect(),
-            positions: at.bodies.frames.iter().map(|frame| frame.position).collect(),
+            positions: at.properties.frames.iter().map(|frame| frame.position).collect(),
             substep,
         }
     }

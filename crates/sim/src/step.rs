@@ -22,7 +22,7 @@ use crate::bodies::{Bodies, GRAIN};
 use crate::cache::{self, Pair};
 use crate::geometry::Geometry;
 use crate::input::{self, InputError};
-use crate::motion::{self, SubstepParams};
+use crate::motion::{self, MOST_ARM_TURN, SubstepParams};
 use crate::narrow_phase::{NarrowPhaseInput, PairWorker, closing, manifolds};
 use crate::patches::Shapes;
 use crate::report::{Stage, StageTimer, StepReport};
@@ -52,9 +52,6 @@ const REUSE: f32 = 0.25;
 /// At this fraction a tower of twenty bodies stands. \[1\]
 const MOST_FALL: f32 = 1.0 / 1024.0;
 
-/// In a substep no arm of a joint turns by more than this angle, as far as the setting `max_substeps`
-/// allows. \[rad\]
-const MOST_TURN: f64 = 0.1;
 
 /// A contact search and its part of the step.
 #[derive(Clone, Copy, Debug)]
@@ -248,9 +245,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn substeps_of_joints(&self, rate: f64, [dt, least]: [f32; 2]) -> u32 {
         let (joints, time) = (&self.solver.joints, f64::from(dt));
         let gravity = f64::from(self.gravity.length());
-        let turn = joints.largest_turn(&self.bodies, [time, MOST_TURN], gravity);
+        let turn = joints.largest_turn(&self.body_places(), [time, MOST_ARM_TURN], gravity);
         let most = f64::from((dt / least).max(1.0));
-        (turn.max(rate * time) / MOST_TURN).ceil().min(most) as u32
+        (turn.max(rate * time) / MOST_ARM_TURN).ceil().min(most) as u32
     }
 
     /// Sets the number of substeps of a search to that which the motion of the bodies allows.
@@ -513,7 +510,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             gravity: self.gravity,
             repair: settings.repair_in(h),
             softness: settings.softness,
+            shortest: dt / settings.max_substeps as f32,
+            passed: 0.0,
+            stretch: settings.stretch,
         };
+        let joints = &self.solver.joints;
         PartPlan {
             params,
             solving,
@@ -532,11 +533,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 || bouncing
                 || self.execution.saving
                 || self.execution.recording
-                || !self.solver.joints.is_idle(),
+                || joints.may_break(),
             may_end: number + 1 < most,
-            may_shorten: number + 1 < most
-                && h > 1.01 * dt / settings.max_substeps as f32
-                && !self.solver.joints.is_idle(),
+            may_shorten: number + 1 < most && params.may_shorten() && !joints.is_idle(),
             turn_rate: 0.0,
         }
     }
@@ -544,16 +543,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Builds the rows of the contacts of a part from its manifolds. `same` is true if these are
     /// the same as before.
     fn build_rows(&mut self, search: &Search, same: bool) -> PartPlan<L> {
-        self.choose_joints();
+        let rejoined = self.choose_joints();
         let (plan, dt) = (self.plan(search), search.duration());
         let all = self.bodies.poses.len();
-        let StepScratch { displacements, prospective, .. } = &mut self.scratch;
+        let StepScratch { displacements, prospective, spring_gains, start, .. } = &mut self.scratch;
         displacements.clear();
         displacements.resize(all, Velocity::ZERO);
         self.bodies.turned.fill(false);
         // The first substep overwrites these: it computes J^T gamma from the contacts.
         prospective.resize(all, Velocity::ZERO);
-        self.renew_joints(plan.params.h);
+        let joined = if self.solver.joints.is_idle() { 0 } else { all };
+        for own in start.iter_mut().chain([spring_gains]) {
+            own.resize(joined, Velocity::ZERO);
+        }
+        self.solver.joints.begin_part(f64::from(plan.params.h));
+        self.renew_joints(&plan.params);
         let ConstraintSolver { lanes, joints, certifier, surfaces, carriers, .. } =
             &mut self.solver;
         let (cache, bodies) = (&self.contacts.cache, &self.bodies);
@@ -569,7 +573,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         let (velocities, whole_system) = (&bodies.velocities, plan.whole_system);
         let in_order = plan.solving || self.settings.certify;
-        let rows = CacheSource { cache, velocities, stiffness, same, whole_system, in_order };
+        let (same, couplings) = (same && !rejoined, joints.couplings());
+        let rows = CacheSource {
+            cache,
+            velocities,
+            stiffness,
+            couplings,
+            same,
+            whole_system,
+            in_order,
+        };
         lanes.pack(&rows, &bodies.inverse_masses, self.settings.softness);
         let (of, moving) =
             ((&self.colliders, bodies, &*carriers), (bodies.velocities.as_slice(), dt));

@@ -1,11 +1,11 @@
 //! [`StepScratch`]: buffers that the stages of a step share.
 
-use drystone_solver::{InverseMass, Velocity};
+use drystone_solver::Velocity;
 
 use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
 use crate::impulses::ImpulseRecord;
-use crate::ledger::{JointRow, LedgerBuilder};
+use crate::ledger::LedgerBuilder;
 use crate::narrow_phase::PairWorker;
 use crate::patches::Patches;
 use crate::seams::SeamResolver;
@@ -25,12 +25,9 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) prospective: Vec<Velocity<f32, L, A>>,
     /// Displacements since the last contact search.
     pub(crate) displacements: Vec<Velocity<f32, L, A>>,
-    /// [Standing springs](crate::joint::rows) at the start of a substep and at its end, and the velocities
-    /// that the former give to bodies in it, if there are any.
-    pub(crate) springs: [Vec<JointRow<L, A>>; 2],
+    /// Velocities that [standing springs](crate::joint::rows) give to bodies in a substep, if there are
+    /// joints.
     pub(crate) spring_gains: Vec<Velocity<f32, L, A>>,
-    /// By body: wrenches of springs. \[N s, N m s\]
-    pub(crate) spring_pulls: Vec<Velocity<f64, L, A>>,
     /// Displacements of a substep before bodies move, where contacts of bodies with joints need them
     /// ([`Lead`](drystone_solver::lanes::Lead)).
     pub(crate) offsets: Vec<Velocity<f32, L, A>>,
@@ -40,9 +37,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) rests: Vec<Option<bool>>,
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
-    /// M^-1 of bodies that the solve of a substep sees with another inertia.
-    pub(crate) true_masses: Vec<(u32, InverseMass<f32, L, A>)>,
-    pub(crate) start: SubstepStart<L, A>,
+    /// Velocities, v*, displacements and gains by contacts at the start of a substep, if there are joints.
+    pub(crate) start: [Vec<Velocity<f32, L, A>>; 4],
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
     /// By body: true if it touches one without joints.
@@ -50,15 +46,6 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of the last step, if they are recorded.
     pub(crate) impulses: ImpulseRecord<L, A>,
-}
-
-/// Velocities and displacements at the start of a substep.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct SubstepStart<const L: usize, const A: usize> {
-    pub(crate) velocities: Vec<Velocity<f32, L, A>>,
-    pub(crate) prospective: Vec<Velocity<f32, L, A>>,
-    pub(crate) displacements: Vec<Velocity<f32, L, A>>,
-    pub(crate) contact_gains: Vec<Velocity<f32, L, A>>,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<G, L, A> {
@@ -73,15 +60,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             patches: Patches::default(),
             prospective: Vec::new(),
             displacements: Vec::new(),
-            springs: [Vec::new(), Vec::new()],
             spring_gains: Vec::new(),
-            spring_pulls: Vec::new(),
             offsets: Vec::new(),
             before: Vec::new(),
             rests: Vec::new(),
             force_gains: Vec::new(),
-            true_masses: Vec::new(),
-            start: SubstepStart::default(),
+            start: Default::default(),
             touched: Vec::new(),
             met: Vec::new(),
             ledger: LedgerBuilder::default(),

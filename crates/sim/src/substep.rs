@@ -17,7 +17,7 @@ use crate::bodies::Bodies;
 use crate::cache::Pair;
 use crate::geometry::Geometry;
 use crate::joint::linkage::Taming;
-use crate::joint::places::BodyPlaces;
+use crate::joint_batch::JointBatch;
 use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
 use crate::report::{Stage, StageTimer, StepReport};
@@ -74,9 +74,10 @@ const RELAX_ROUNDS: usize = 8;
 /// Largest number of times that an impact goes on through joints to other contacts.
 const MOST_PASSES: usize = 16;
 
-/// The bodies and contacts of a batch.
+/// The bodies, contacts and joints of a batch.
 pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) contacts: LaneBatch<'a, L, A>,
+    pub(crate) joints: JointBatch<'a, L, A>,
     pub(crate) bodies: MovingBodies<'a, G, L, A>,
 }
 
@@ -106,7 +107,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
 
     /// Sweeps over the normals towards the targets. `turning` is true if any body rotates.
     pub(crate) fn solve(&mut self, params: &SubstepParams<L>, substep: u32, turning: bool) {
-        let Self { contacts, bodies: MovingBodies { velocities, displacements, .. } } = self;
+        let Self { contacts, bodies: MovingBodies { velocities, displacements, .. }, .. } = self;
         contacts.sweep_normals_to_targets(velocities, displacements, turning, &params.repair);
         for _ in 1..params.iterations {
             contacts.sweep_normals(velocities);
@@ -117,55 +118,147 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     /// Adds the velocities of belts to targets that have just been set.
     pub(crate) fn run_belts(&mut self, params: &SubstepParams<L>, substep: u32) {
         if self.contacts.has_surfaces() {
-            self.contacts.run_belts(params.h * substep as f32, params.repair.stick_rate);
+            let time = params.passed + params.h * substep as f32;
+            self.contacts.run_belts(time, params.repair.stick_rate);
         }
     }
 
     /// Updates J for bodies that have rotated. Returns true if any J has changed.
     pub(crate) fn renew(&mut self, params: &SubstepParams<L>) -> bool {
-        let Self { contacts, bodies } = self;
+        let Self { contacts, bodies, .. } = self;
         let MovingBodies { velocities, displacements, masses, turned, .. } = bodies;
         let bodies = MovedBodies { velocities, displacements, masses, turned };
         contacts.renew(bodies, [params.h, params.softness])
     }
 
-    /// Sweeps once over rigid contacts. This removes the velocity of overlap repair and stops
-    /// bodies that have landed.
-    pub(crate) fn relax(&mut self, renewed: bool, fastest: f32, params: &SubstepParams<L>) {
+    /// Solves the joints after the sweeps over contacts, without turns between them.
+    fn solve_joints(&mut self) {
+        self.sweep_and_snap(false);
+        self.joints.aim_again(&mut self.bodies, true);
+        for taming in [Taming::Soften, Taming::Stop] {
+            if !self.joints.tame(taming, &self.bodies) {
+                break;
+            }
+            self.joints.solve_aiming(self.bodies.velocities);
+        }
+    }
+
+    /// Solves the joints, and again with the contacts as long as joints break. Begins with the
+    /// contacts if they are not `swept`.
+    fn sweep_and_snap(&mut self, mut sweeps: bool) {
+        for _ in 0..=SNAP_ROUNDS {
+            if sweeps {
+                self.contacts.sweep_normals(self.bodies.velocities);
+            }
+            self.joints.solve(self.bodies.velocities);
+            sweeps = self.joints.snap(&mut self.bodies);
+            if !sweeps {
+                break;
+            }
+        }
+    }
+
+    /// Takes out the velocities of repair, of contacts and of joints, and stops bodies that have landed:
+    /// sweeps over rigid contacts. In an `exact` solve contacts and joints take turns.
+    fn relax(
+        &mut self,
+        (renewed, fastest): (bool, f32),
+        exact: bool,
+        params: &SubstepParams<L>,
+        timer: &mut StageTimer,
+    ) {
+        self.joints.end_springs(&mut self.bodies);
+        self.joints.begin_relaxing();
+        let touch = self.joints.touch();
+        if touch {
+            // Contacts see bodies that joints have stopped.
+            self.joints.solve_touching(self.bodies.velocities, exact);
+        }
+        timer.lap(Stage::Joints);
         let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
         let landing = Landing { displacements, dt: params.h, approach: APPROACH * fastest };
         self.contacts.relax(velocities, renewed, Some(landing));
         if self.contacts.has_surfaces() {
             self.contacts.resist(velocities);
         }
+        timer.lap(Stage::Relax);
+        if touch && exact {
+            for _ in 1..RELAX_ROUNDS {
+                self.joints.solve(velocities);
+                self.contacts.relax(velocities, false, None);
+            }
+        }
+        if !self.joints.is_idle() {
+            self.joints.solve(velocities);
+            self.joints.keep_relaxed(&mut self.bodies);
+        }
+        timer.lap(Stage::Joints);
     }
 
     /// Writes the data that contacts pass to the next step to the cache.
     pub(crate) fn store_impulses(&mut self, params: &SubstepParams<L>) {
         if self.contacts.has_surfaces() {
-            self.contacts.carry_belts(params.h * params.substeps as f32);
+            self.contacts.carry_belts(params.passed + params.h * params.substeps as f32);
         }
         self.contacts.trace(self.bodies.displacements, params.repair.stick_rate);
     }
 
     /// Takes the batch through all substeps.
     fn run(&mut self, params: &SubstepParams<L>, clock: &mut StageTimer) {
-        let mut renewed = false;
-        for substep in 0..params.substeps {
-            self.bodies.predict(params);
-            clock.lap(Stage::Predict);
-            let turning = self.warm_start(substep, renewed, params);
-            clock.lap(Stage::WarmStart);
-            self.solve(params, substep, turning);
-            clock.lap(Stage::Solve);
-            let Advanced { turned, fastest } = self.bodies.advance(params);
-            clock.lap(Stage::Advance);
-            renewed = turned && self.renew(params);
-            self.relax(renewed, fastest, params);
-            clock.lap(Stage::Relax);
+        let mut params = *params;
+        let (mut renewed, mut substep) = (false, 0);
+        while substep < params.substeps {
+            match self.substep((substep, renewed), &params, clock) {
+                Ok(now) => (renewed, substep) = (now, substep + 1),
+                Err(rate) => {
+                    params = params.shortened(substep, rate);
+                    self.joints.renew(&mut self.bodies, &params);
+                    (renewed, substep) = (true, 0);
+                }
+            }
         }
-        self.store_impulses(params);
+        self.store_impulses(&params);
         clock.lap(Stage::Remember);
+    }
+
+    /// Takes the batch through one substep. Returns true if J of contacts has changed.
+    ///
+    /// # Errors
+    /// The rate at which joints would turn \[rad/s\], if that is too fast: the substep has been taken
+    /// back, and the rest is to have shorter ones.
+    fn substep(
+        &mut self,
+        (substep, renewed): (u32, bool),
+        params: &SubstepParams<L>,
+        clock: &mut StageTimer,
+    ) -> Result<bool, f64> {
+        let may_shorten = params.may_shorten() && !self.joints.is_idle();
+        if may_shorten {
+            self.bodies.keep_start();
+        }
+        self.bodies.predict(params);
+        clock.lap(Stage::Predict);
+        self.joints.begin_springs(&mut self.bodies);
+        let turning = self.warm_start(substep, renewed, params);
+        clock.lap(Stage::WarmStart);
+        self.joints.warm_start(&mut self.bodies, false);
+        clock.lap(Stage::Joints);
+        self.solve(params, substep, turning);
+        clock.lap(Stage::Solve);
+        if !self.joints.is_idle() {
+            self.solve_joints();
+            if may_shorten && let Some(rate) = self.joints.take_back(&mut self.bodies, params) {
+                return Err(rate);
+            }
+            self.joints.keep_solved(&mut self.bodies);
+            clock.lap(Stage::Joints);
+        }
+        let Advanced { turned, fastest } = self.bodies.advance(params);
+        clock.lap(Stage::Advance);
+        let renewed = turned && self.renew(params);
+        self.joints.renew(&mut self.bodies, params);
+        self.relax((renewed, fastest), false, params, clock);
+        Ok(renewed)
     }
 
     /// Takes each batch through all substeps. Each thread takes a run of batches, unless one thread
@@ -191,8 +284,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for SubstepContex
     fn split_at(self, count: usize) -> (Self, Self) {
         let (contacts, later_contacts) = self.contacts.split_at(count);
         let (bodies, later_bodies) = self.bodies.split_at(contacts.bodies().len());
-        let first = Self { contacts, bodies };
-        (first, Self { contacts: later_contacts, bodies: later_bodies })
+        let (joints, later_joints) = self.joints.split_at(later_bodies.first);
+        let first = Self { contacts, joints, bodies };
+        (first, Self { contacts: later_contacts, joints: later_joints, bodies: later_bodies })
     }
 }
 
@@ -220,6 +314,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         } else {
             self.context().run_by_batch(&plan.params, timer);
         }
+        self.solver.joints.end_part();
         let params = &plan.params;
         let ConstraintSolver { lanes, surfaces, .. } = &mut self.solver;
         surfaces.take_back(&self.colliders, &self.contacts.pairs, lanes);
@@ -228,13 +323,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Returns all bodies and their contacts as one context.
-    fn context(&mut self) -> SubstepContext<'_, G, L, A> {
-        let StepScratch { prospective, displacements, spring_gains, .. } = &mut self.scratch;
-        let contacts = self.solver.lanes.whole(&mut self.contacts.cache.impulses);
+    pub(crate) fn context(&mut self) -> SubstepContext<'_, G, L, A> {
+        let StepScratch { prospective, displacements, spring_gains, start, .. } =
+            &mut self.scratch;
+        let ConstraintSolver { lanes, joints, .. } = &mut self.solver;
+        let contacts = lanes.whole(&mut self.contacts.cache.impulses);
+        let of_bodies = [prospective, displacements, spring_gains].map(Vec::as_mut_slice);
+        let start = start.each_mut().map(Vec::as_mut_slice);
         let pool = &self.execution.pool;
-        let bodies =
-            MovingBodies::new(&mut self.bodies, prospective, [displacements, spring_gains], pool);
-        SubstepContext { contacts, bodies }
+        let bodies = MovingBodies::new(&mut self.bodies, of_bodies, start, pool);
+        SubstepContext { contacts, joints: joints.batch(), bodies }
     }
 
     /// Takes all bodies through one substep: forces, impacts, contacts, motion, and the relaxing
@@ -262,21 +360,33 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if plan.ledger {
             self.account(|ledger, solver, _| ledger.record_solution(&solver.system));
         }
-        self.keep_joint_impulses();
+        if !self.solver.joints.is_idle() {
+            if plan.ledger {
+                self.scratch.ledger.record_joints(self.solver.joints.ledger_rows());
+            }
+            let SubstepContext { mut joints, mut bodies, .. } = self.context();
+            joints.keep_solved(&mut bodies);
+        }
         let Advanced { turned, fastest } = self.context().bodies.advance(params);
         timer.lap(Stage::Advance);
         if plan.ledger {
             self.scratch.ledger.record_motion(&self.bodies.velocities);
         }
         *renewed = turned && self.context().renew(params);
-        self.renew_joints(params.h);
+        self.renew_joints(&plan.params);
+        let params = &plan.params;
         if (turned || !self.solver.joints.is_idle())
             && (plan.solving || plan.certified_substep.is_some())
         {
             self.follow_masses();
         }
-        self.relax(*renewed, fastest, plan, timer);
+        if plan.solving && self.solver.joints.touch() {
+            self.solver.lanes.follow();
+        }
+        self.context().relax((*renewed, fastest), plan.solving, params, timer);
         if plan.ledger {
+            let joints = &self.solver.joints;
+            self.scratch.ledger.record_joints(joints.spring_rows().chain(joints.ledger_rows()));
             let gravity = self.gravity;
             self.account(|ledger, solver, bodies| {
                 let ConstraintSolver { lanes, surfaces, system, .. } = solver;
@@ -301,7 +411,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) -> bool {
         if plan.may_shorten {
-            self.keep_start();
+            self.context().bodies.keep_start();
         }
         let (collisions, broken) = (report.collisions, self.solver.joints.snapped());
         let leads = plan.solving && self.solver.joints.touch();
@@ -313,14 +423,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.solver.joints.find_resting(&self.bodies, gain, rests);
         }
         self.accelerate(plan, renewed, timer, report);
-        self.begin_springs();
-        let turning = self.context().warm_start(substep, renewed, &plan.params);
+        let mut context = self.context();
+        context.joints.begin_springs(&mut context.bodies);
+        let turning = context.warm_start(substep, renewed, &plan.params);
         if leads {
             let StepScratch { displacements, offsets, .. } = &mut self.scratch;
             offsets.iter_mut().zip(displacements).for_each(|(own, now)| *own = *now - *own);
         }
         timer.lap(Stage::WarmStart);
-        self.warm_start_joints(plan.params.h);
+        let SubstepContext { mut joints, mut bodies, .. } = self.context();
+        joints.warm_start(&mut bodies, plan.solving);
+        if self.solver.joints.are_stiffened() {
+            self.follow_masses();
+        }
         timer.lap(Stage::Joints);
         self.set_targets(plan, substep, turning);
         timer.lap(Stage::WarmStart);
@@ -333,7 +448,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         } else if plan.may_shorten
             && report.collisions == collisions
-            && let Some(rate) = self.take_back(plan.params.h)
+            && let SubstepContext { mut joints, mut bodies, .. } = self.context()
+            && let Some(rate) = joints.take_back(&mut bodies, &plan.params)
         {
             (plan.turn_rate, plan.params.substeps) = (rate, substep);
             return false;
@@ -354,14 +470,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if !plan.solving {
             self.context().solve(&plan.params, substep, turning);
             timer.lap(Stage::Solve);
-            self.sweep_and_snap(false);
-            self.aim_joints_again(true);
-            for taming in [Taming::Soften, Taming::Stop] {
-                if !self.tame_joints(taming) {
-                    break;
-                }
-                self.solve_aiming_joints();
-            }
+            self.context().solve_joints();
             timer.lap(Stage::Joints);
             if with_residuals {
                 self.certify_sweeps(timer, report);
@@ -369,63 +478,24 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             return;
         }
         if self.solver.joints.may_break() {
-            self.sweep_and_snap(true);
+            self.context().sweep_and_snap(true);
             timer.lap(Stage::Joints);
         }
         self.refine(with_residuals, timer, report);
         for _ in 0..MOST_AIMS {
-            if !self.aim_joints_again(false) {
+            let SubstepContext { mut joints, mut bodies, .. } = self.context();
+            if !joints.aim_again(&mut bodies, false) {
                 break;
             }
             self.refine(with_residuals, timer, report);
         }
         for taming in [Taming::Soften, Taming::Stop] {
-            if !self.tame_joints(taming) {
+            let SubstepContext { mut joints, bodies, .. } = self.context();
+            if !joints.tame(taming, &bodies) {
                 break;
             }
             self.refine(with_residuals, timer, report);
         }
-    }
-
-    /// Solves the joints, and again with the contacts as long as joints break. Begins with the
-    /// contacts if they are not `swept`.
-    fn sweep_and_snap(&mut self, mut sweeps: bool) {
-        for _ in 0..=SNAP_ROUNDS {
-            if sweeps {
-                let SubstepContext { mut contacts, bodies } = self.context();
-                contacts.sweep_normals(bodies.velocities);
-            }
-            self.solve_joints();
-            sweeps = self.snap_joints();
-            if !sweeps {
-                break;
-            }
-        }
-    }
-
-    /// Takes out the velocities of repair, of contacts and of joints.
-    fn relax(&mut self, renewed: bool, fastest: f32, plan: &PartPlan<L>, timer: &mut StageTimer) {
-        self.end_springs();
-        self.solver.joints.begin_relaxing();
-        if self.solver.joints.touch() {
-            if plan.solving {
-                self.solver.lanes.follow();
-            }
-            // Contacts see bodies that joints have stopped.
-            self.solver.joints.solve_touching(&mut self.bodies.velocities, plan.solving);
-        }
-        timer.lap(Stage::Joints);
-        self.context().relax(renewed, fastest, &plan.params);
-        timer.lap(Stage::Relax);
-        if plan.solving && self.solver.joints.touch() {
-            for _ in 1..RELAX_ROUNDS {
-                self.solve_joints();
-                let SubstepContext { mut contacts, bodies } = self.context();
-                contacts.relax(bodies.velocities, false, None);
-            }
-        }
-        self.relax_joints();
-        timer.lap(Stage::Joints);
     }
 
     /// Changes the velocities by forces and impacts.
@@ -560,7 +630,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 if own == 0 || joints.is_idle() {
                     break;
                 }
-                joints.pass_impact(&mut system.velocities);
+                joints.batch().pass_impact(&mut system.velocities);
             }
             lanes.take_impacts(system);
             if plan.ledger {
@@ -638,7 +708,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         contacts.velocities.clone_from(&self.scratch.prospective);
         self.solver.lanes.unpack(&mut contacts);
         let displacements = &self.scratch.displacements;
-        let at = BodyPlaces { bodies: &self.bodies, displacements };
+        let at = self.bodies.view(displacements);
         self.execution.saved = Some(SavedSystem::new(&contacts, &self.solver.joints, &at, h));
     }
 }

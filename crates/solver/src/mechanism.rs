@@ -50,6 +50,8 @@ pub struct Mechanisms<const L: usize, const A: usize> {
 /// One of the [`Mechanisms`] for a thread, with its own rows.
 #[derive(Debug)]
 pub struct MechanismPart<'a, const L: usize, const A: usize> {
+    /// The first body of its batch.
+    first: usize,
     /// Its joints.
     pub joints: &'a [Joint],
     /// Their rows, joint by joint.
@@ -66,8 +68,9 @@ struct Mechanism<const L: usize, const A: usize> {
     /// Its joints.
     joints: Range<usize>,
     links: Vec<Link>,
-    /// Its bodies, fixed ones included.
+    /// Its bodies, fixed ones included; and the first of those that move.
     bodies: Vec<u32>,
+    first_body: usize,
     /// Row of blocks of each body, in the order of elimination, or [`FIXED`].
     places: Vec<usize>,
     /// M of each body, N rows each, with 1 for locked velocities; and the projection onto the free
@@ -216,43 +219,98 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
         self.pool = pool;
     }
 
+    /// Returns all of them as one batch.
+    pub fn batch(&mut self) -> MechanismBatch<'_, L, A> {
+        let Self { joints, axes, mechanisms, pool } = self;
+        MechanismBatch { first: 0, joints, axes, mechanisms, pool: &**pool }
+    }
+
+    /// Takes the present masses of the bodies, and drops the factors of H. To be called after a
+    /// change of masses, J or compliances.
+    pub fn renew(&mut self, masses: &[InverseMass<f32, L, A>]) {
+        self.batch().for_each(std::iter::repeat(()), |mut part, ()| part.renew(masses));
+    }
+
+    /// Visits every mechanism once: brings all rows of its joints to their targets together, from
+    /// the present velocities, which include the impulses of the rows.
+    pub fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.batch().solve_those(std::iter::repeat(true), velocities);
+    }
+}
+
+/// Consecutive [`Mechanisms`], whose bodies are in a range of bodies. Velocities and masses are passed as
+/// slices over this range. Bodies outside of it stand still.
+#[derive(Debug)]
+pub struct MechanismBatch<'a, const L: usize, const A: usize> {
+    /// The first body of the range.
+    first: usize,
+    joints: &'a [Joint],
+    axes: &'a mut [Axis<f64, L, A>],
+    mechanisms: &'a mut [Mechanism<L, A>],
+    pool: &'a ThreadPool,
+}
+
+impl<'a, const L: usize, const A: usize> MechanismBatch<'a, L, A> {
+    /// Splits at a body: into the mechanisms of bodies before it, and the others.
+    ///
+    /// # Panics
+    /// A mechanism has moving bodies on both sides.
+    pub fn split_at(self, body: usize) -> (Self, Self) {
+        let count = self.mechanisms.partition_point(|of| of.first_body < body);
+        let (mechanisms, later_mechanisms) = self.mechanisms.split_at_mut(count);
+        let end = mechanisms.last().map(|of| of.joints.end);
+        let start = mechanisms.first().map(|of| of.joints.start);
+        let joints = end.zip(start).map_or(0, |(end, start)| end - start);
+        let (joints, later_joints) = self.joints.split_at(joints);
+        let rows = joints.iter().map(|joint| joint.count as usize).sum();
+        let (axes, later_axes) = self.axes.split_at_mut(rows);
+        let first = Self { joints, axes, mechanisms, ..self };
+        let others = Self {
+            first: body,
+            joints: later_joints,
+            axes: later_axes,
+            mechanisms: later_mechanisms,
+            pool: self.pool,
+        };
+        (first, others)
+    }
+
+    /// Returns their number.
+    pub fn count(&self) -> usize {
+        self.mechanisms.len()
+    }
+
+    /// Returns the joints.
+    pub fn joints(&self) -> &'a [Joint] {
+        self.joints
+    }
+
     /// Works on each mechanism, with one of the `items` for each. Threads share the work.
     pub fn for_each<T: Send>(
         &mut self,
         items: impl Iterator<Item = T> + Send,
         work: impl Fn(MechanismPart<'_, L, A>, T) + Sync,
     ) {
-        let pool = Arc::clone(&self.pool);
+        let pool = self.pool;
         let useful = self.mechanisms.len() > 1 && pool.is_useful(self.axes.len() / GRAIN);
         pool.for_each(useful, self.parts().zip(items), |(part, item)| work(part, item));
     }
 
     /// Returns each mechanism with its own rows.
     pub fn parts(&mut self) -> impl Iterator<Item = MechanismPart<'_, L, A>> + Send {
-        let Self { joints, axes, mechanisms, .. } = self;
-        let (joints, mut left) = (joints.as_slice(), axes.as_mut_slice());
+        let Self { first, joints, axes, mechanisms, .. } = self;
+        let (first, mut joints, mut left) = (*first, *joints, &mut **axes);
         mechanisms.iter_mut().map(move |mechanism| {
-            let joints = &joints[mechanism.joints.clone()];
-            let count = joints.iter().map(|joint| joint.count as usize).sum();
+            let (own, later) = joints.split_at(mechanism.joints.len());
+            joints = later;
+            let count = own.iter().map(|joint| joint.count as usize).sum();
             let (axes, later) = std::mem::take(&mut left).split_at_mut(count);
             left = later;
-            MechanismPart { joints, axes, mechanism }
+            MechanismPart { first, joints: own, axes, mechanism }
         })
     }
 
-    /// Takes the present masses of the bodies, and drops the factors of H. To be called after a
-    /// change of masses, J or compliances.
-    pub fn renew(&mut self, masses: &[InverseMass<f32, L, A>]) {
-        self.for_each(std::iter::repeat(()), |mut part, ()| part.renew(masses));
-    }
-
-    /// Visits every mechanism once: brings all rows of its joints to their targets together, from
-    /// the present velocities, which include the impulses of the rows.
-    pub fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.solve_those(std::iter::repeat(true), velocities);
-    }
-
-    /// [Visits](Self::solve) the mechanisms that are due.
+    /// [Visits](Mechanisms::solve) the mechanisms that are due.
     pub fn solve_those(
         &mut self,
         due: impl Iterator<Item = bool> + Clone + Send,
@@ -273,7 +331,7 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
         for (mechanism, _) in self.mechanisms.iter().zip(due).filter(|(_, is_due)| *is_due) {
             for (index, &body) in mechanism.bodies.iter().enumerate() {
                 if mechanism.places[index] != FIXED {
-                    velocities[body as usize] = mechanism.velocity(index);
+                    velocities[body as usize - self.first] = mechanism.velocity(index);
                 }
             }
         }
@@ -281,13 +339,25 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
 
     /// Adds the impulses of the rows to the velocities: v += M^-1 J^T gamma.
     pub fn apply(&self, velocities: &mut [Velocity<f32, L, A>], masses: &[InverseMass<f32, L, A>]) {
-        for joint in &self.joints {
-            let gains = gains(joint, &self.axes[joint.axes()], masses);
-            for (body, gain) in joint.bodies.into_iter().zip(gains) {
-                velocities[body as usize] += gain;
+        let mut left = &*self.axes;
+        for joint in self.joints {
+            let (axes, later) = left.split_at(joint.count as usize);
+            left = later;
+            let own = joint.bodies.map(|body| of_batch(masses, self.first, body));
+            for (body, gain) in joint.bodies.into_iter().zip(gains(axes, own)) {
+                if let Some(velocity) = velocities.get_mut((body as usize).wrapping_sub(self.first))
+                {
+                    *velocity += gain;
+                }
             }
         }
     }
+}
+
+/// Returns an element of a slice over the bodies from `first` on; the default for other bodies.
+#[inline(always)]
+pub fn of_batch<T: Copy + Default>(slice: &[T], first: usize, body: u32) -> T {
+    slice.get((body as usize).wrapping_sub(first)).copied().unwrap_or_default()
 }
 
 impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
@@ -307,7 +377,8 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
         for (joint, link) in self.joints.iter().zip(&self.mechanism.links) {
             let (axes, later) = left.split_at(joint.count as usize);
             left = later;
-            for (side, gain) in link.sides.into_iter().zip(gains(joint, axes, masses)) {
+            let own = joint.bodies.map(|body| of_batch(masses, self.first, body));
+            for (side, gain) in link.sides.into_iter().zip(gains(axes, own)) {
                 velocities[side] += gain;
             }
         }
@@ -317,7 +388,7 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
     pub fn renew(&mut self, masses: &[InverseMass<f32, L, A>]) {
         let mut axes = self.axes.iter_mut();
         for joint in self.joints {
-            let own = &joint.bodies.map(|body| masses[body as usize].cast());
+            let own = &joint.bodies.map(|body| of_batch(masses, self.first, body).cast());
             axes.by_ref().take(joint.count as usize).for_each(|axis| axis.prepare(own));
         }
         self.renew_prepared(masses);
@@ -325,12 +396,12 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
 
     /// [Renews](Self::renew) a mechanism whose rows have their effective masses.
     pub fn renew_prepared(&mut self, masses: &[InverseMass<f32, L, A>]) {
-        self.mechanism.renew(self.axes, masses);
+        self.mechanism.renew(self.axes, (self.first, masses));
     }
 
     /// Takes the velocities of the bodies.
     pub fn load(&mut self, velocities: &[Velocity<f32, L, A>]) {
-        self.mechanism.take(velocities);
+        self.mechanism.take(self.first, velocities);
     }
 
     /// Returns the velocity of a body of the mechanism.
@@ -340,7 +411,7 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
 
     /// Visits the mechanism, from the velocities that it has.
     pub fn solve(&mut self) {
-        let Self { joints, axes, mechanism } = self;
+        let Self { joints, axes, mechanism, .. } = self;
         with_best_registers(
             #[inline(always)]
             || match L + A {
@@ -394,16 +465,22 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
             Link { sides, places, block: block.flatten().map(|block| (block, rows_of)) }
         });
         let links = links.collect();
-        let places = (0..bodies.len()).map(place).collect();
-        Self { joints: range, links, bodies, places, hessian, ..Self::default() }
+        let places: Vec<_> = (0..bodies.len()).map(place).collect();
+        let moving = bodies.iter().zip(&places).filter(|(_, place)| **place != FIXED);
+        let first_body = moving.map(|(body, _)| *body as usize).min().unwrap_or(0);
+        Self { joints: range, links, bodies, first_body, places, hessian, ..Self::default() }
     }
 
     /// Takes the masses of the bodies, and J.
-    fn renew(&mut self, axes: &[Axis<f64, L, A>], masses: &[InverseMass<f32, L, A>]) {
+    fn renew(
+        &mut self,
+        axes: &[Axis<f64, L, A>],
+        (first, masses): (usize, &[InverseMass<f32, L, A>]),
+    ) {
         self.masses.clear();
         self.free.clear();
         for &body in &self.bodies {
-            let inverse: InverseMass<f64, L, A> = masses[body as usize].cast();
+            let inverse: InverseMass<f64, L, A> = of_batch(masses, first, body).cast();
             let mass = inverse.mass();
             let free = primal::projection(&mass, &inverse);
             for i in 0..L + A {
@@ -425,10 +502,10 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
     }
 
     /// Takes the velocities of the bodies.
-    fn take(&mut self, velocities: &[Velocity<f32, L, A>]) {
+    fn take(&mut self, first: usize, velocities: &[Velocity<f32, L, A>]) {
         self.velocities.clear();
         for &body in &self.bodies {
-            let Velocity { linear, angular } = &velocities[body as usize];
+            let Velocity { linear, angular } = of_batch(velocities, first, body);
             self.velocities.extend(linear.0.iter().chain(&angular.0).map(|own| f64::from(*own)));
         }
     }
@@ -623,11 +700,10 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
     }
 }
 
-/// Returns M^-1 J^T gamma of a joint for each of its bodies.
+/// Returns M^-1 J^T gamma of the rows of a joint for each of its bodies, of these masses.
 fn gains<const L: usize, const A: usize>(
-    joint: &Joint,
     axes: &[Axis<f64, L, A>],
-    masses: &[InverseMass<f32, L, A>],
+    masses: [InverseMass<f32, L, A>; 2],
 ) -> [Velocity<f32, L, A>; 2] {
     let mut momenta = [Velocity::ZERO; 2];
     for axis in axes {
@@ -635,10 +711,7 @@ fn gains<const L: usize, const A: usize>(
             *momentum += *jacobian * axis.impulse;
         }
     }
-    [0, 1].map(|side: usize| {
-        let inverse: InverseMass<f64, L, A> = masses[joint.bodies[side] as usize].cast();
-        inverse.velocity(&momenta[side]).cast()
-    })
+    [0, 1].map(|side: usize| masses[side].cast::<f64>().velocity(&momenta[side]).cast())
 }
 
 #[inline(always)]

@@ -3,19 +3,19 @@
 //! Linkages share no body that moves. So each is prepared and solved on a thread of its own.
 
 use std::array::from_fn;
-use std::ops::Range;
 
-use drystone_solver::mechanism::MechanismPart;
-use drystone_solver::{Axis, InverseMass, SymmetricMatrix, Vector, Velocity};
+use drystone_solver::mechanism::{MechanismPart, of_batch};
+use drystone_solver::{Axis, InverseMass, Vector, Velocity};
 
 use super::coordinates::{JointPlaces, Place, Turn, Vec3, cross};
-use super::places::{BodyPlaces, flattened, in_space};
+use super::places::{BodyView, flattened, in_space};
 use super::record::{JointRecord, WORLD};
 use super::rows::{Motion, Role, RowParams, RowPlan, RowState};
 use super::tension::{self, Pulls};
-use crate::bodies::{Bodies, Inertia};
+use crate::bodies::Inertia;
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
-use crate::motion::SMALL_TURN;
+use crate::ledger::JointRow;
+use crate::motion::{MovingBodies, SMALL_TURN};
 
 /// Fraction of the gap of a lock that a substep repairs. \[1\]
 const REPAIR: f64 = 0.25;
@@ -73,15 +73,21 @@ const NO_PARAMS: RowParams = RowParams {
 /// limits bear. \[1\]
 const STRONGEST: f64 = 1e4;
 
-/// A mechanism of a world.
+/// A mechanism of a world, with all that its joints need in a substep.
 #[derive(Clone, Debug)]
 pub(crate) struct Linkage<const L: usize, const A: usize> {
-    /// Its joints, among those that act.
-    pub(crate) joints: Range<usize>,
+    /// Slots of its joints, and copies of their records: their states are here during a part.
+    pub(crate) slots: Vec<u32>,
+    pub(crate) records: Vec<JointRecord>,
+    /// Length of the step and of the substep. \[s\]
+    pub(crate) step: f64,
+    pub(crate) substep: f64,
+    /// Slots of the joints that the part has broken within a substep.
+    pub(crate) snapped: Vec<u32>,
     /// Its bodies, fixed ones included.
     pub(crate) members: Vec<u32>,
     /// By joint: its bodies, as indices of members.
-    sides: Vec<[usize; 2]>,
+    pub(crate) sides: Vec<[usize; 2]>,
     /// Its mass, and 1 / weight. \[kg, 1/N\]
     mass: f64,
     compliance: f64,
@@ -96,14 +102,20 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) arms: Vec<[Vec3; 2]>,
     /// By row.
     pub(crate) params: Vec<RowParams>,
-    /// q of each row, and the angles with their turns of each axis. \[m, or rad\]
+    /// q of each row of a joint, and the angles with their turns of each axis. \[m, or rad\]
     values: Vec<f64>,
     turns: Vec<[f64; 2]>,
+    /// [Standing springs](super::rows) at the start of a substep and at its end, by the index of their
+    /// joint; and by member the wrenches of springs. \[N s, N m s\]
+    pub(crate) springs: [Vec<(usize, JointRow<L, A>)>; 2],
+    pub(crate) wrenches: Vec<Velocity<f64, L, A>>,
     /// Pulls: of each its member, its arm and the impulse \[m, N s\]; and those on each member.
     pulls: Vec<(usize, Vec3, Vec3)>,
     pulled: Vec<Pulls>,
-    /// True if pulls add inertia.
-    pub(crate) is_stiffened: bool,
+    /// M^-1 of bodies to which pulls add inertia.
+    pub(crate) true_masses: Vec<(u32, InverseMass<f32, L, A>)>,
+    /// By member: true if it is dynamic and touches another body.
+    pub(crate) touched: Vec<bool>,
     /// True if a body touches another one; and if it touches one without joints.
     pub(crate) touches: bool,
     pub(crate) meets: bool,
@@ -124,46 +136,29 @@ pub(crate) enum Taming {
     Stop,
 }
 
-/// The joints of a world by slot, and the slots of those that act.
-#[derive(Clone, Copy)]
-pub(crate) struct ActingJoints<'a> {
-    pub(crate) records: &'a [JointRecord],
-    pub(crate) acting: &'a [u32],
-}
-
-impl<'a> ActingJoints<'a> {
-    /// Returns the records of the joints of a linkage.
-    fn of<const L: usize, const A: usize>(
-        &self,
-        linkage: &Linkage<L, A>,
-    ) -> impl Iterator<Item = &'a JointRecord> + use<'a, L, A> {
-        let records = self.records;
-        self.acting[linkage.joints.clone()].iter().map(|&slot| &records[slot as usize])
-    }
-}
-
 /// The bodies that the targets of a linkage follow, and how far they may miss.
 pub(crate) struct Aim<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) joints: ActingJoints<'a>,
-    pub(crate) at: BodyPlaces<'a, G, L, A>,
-    /// Length of the substep. \[s\]
-    pub(crate) h: f64,
+    pub(crate) at: BodyView<'a, G, L, A>,
     /// Miss at the end of the substep at which targets follow no more. \[m, or rad\]
     pub(crate) least_miss: f64,
 }
 
 impl<const L: usize, const A: usize> Linkage<L, A> {
-    /// Creates the linkage of a mechanism of this mass \[kg\] under `gravity` \[m/s^2\]. `first` is the
-    /// index of its first joint among those that act.
+    /// Creates the linkage of a mechanism of this mass \[kg\] under `gravity` \[m/s^2\]. Its joints are in
+    /// these `slots` among all `records`.
     pub(crate) fn new(
         part: &MechanismPart<'_, L, A>,
-        first: usize,
+        (slots, records): (&[u32], &[JointRecord]),
         [mass, gravity]: [f64; 2],
     ) -> Self {
         let members = part.bodies().to_vec();
         let (count, rows) = (members.len(), part.axes.len());
         Self {
-            joints: first..first + part.joints.len(),
+            slots: slots.to_vec(),
+            records: slots.iter().map(|&slot| records[slot as usize].clone()).collect(),
+            step: 0.0,
+            substep: 0.0,
+            snapped: Vec::new(),
             members,
             sides: part.sides().collect(),
             mass,
@@ -178,7 +173,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             turns: Vec::new(),
             pulls: Vec::with_capacity(2 * part.joints.len()),
             pulled: vec![Pulls::NONE; count],
-            is_stiffened: false,
+            springs: [Vec::with_capacity(rows), Vec::with_capacity(rows)],
+            wrenches: vec![Velocity::ZERO; count],
+            true_masses: Vec::with_capacity(count),
+            touched: vec![false; count],
             touches: false,
             meets: false,
             leads: false,
@@ -187,34 +185,61 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         }
     }
 
-    /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps of
-    /// `h` \[s\]. A lock that carries the weight of the mechanism, or the largest force of its drives or
-    /// turns if that is more, yields by `stretch` \[m\]. Repair is at most as fast as `speed`. \[m/s\]
+    /// Takes the states of its joints from the records of the world, for substeps of `h` in a step of
+    /// `dt`. \[s\]
+    pub(crate) fn load(&mut self, from: &[JointRecord], [dt, h]: [f64; 2]) {
+        (self.step, self.substep) = (dt, h);
+        for (own, &slot) in self.records.iter_mut().zip(&self.slots) {
+            own.take_state(&from[slot as usize]);
+        }
+    }
+
+    /// Gives the states back, for substeps of `h` \[s\].
+    pub(crate) fn unload(&mut self, to: &mut [JointRecord], h: f64) {
+        self.take_substep(h);
+        for (own, &slot) in self.records.iter().zip(&self.slots) {
+            to[slot as usize].take_state(own);
+        }
+    }
+
+    /// Sets the length of the substep \[s\], and scales the impulses of the last one to it: forces last.
+    pub(crate) fn take_substep(&mut self, h: f64) {
+        let before = std::mem::replace(&mut self.substep, h);
+        if before != h {
+            self.records.iter_mut().for_each(|record| record.scale(h / before));
+        }
+    }
+
+    /// Returns the states of its rows.
+    pub(crate) fn states(&self) -> impl Iterator<Item = &RowState> {
+        self.records.iter().flat_map(|record| &record.states)
+    }
+
+    /// Computes J, the coordinates and the compliances at the places of the bodies. A lock that carries
+    /// the weight of the mechanism, or the largest force of its drives or turns if that is more, yields
+    /// by `stretch` \[m\]. Repair is at most as fast as `speed`. \[m/s\]
     pub(crate) fn renew<G: Geometry<L, A>>(
         &mut self,
-        at: &BodyPlaces<'_, G, L, A>,
-        joints: ActingJoints<'_>,
+        at: &BodyView<'_, G, L, A>,
         part: &mut MechanismPart<'_, L, A>,
-        [h, stretch, speed]: [f64; 3],
+        [stretch, speed]: [f64; 2],
     ) {
         self.look(at);
-        self.arms.clear();
-        self.values.clear();
-        self.turns.clear();
+        let Self { records, sides, here, arms, values, turns, .. } = self;
+        arms.clear();
         let mut first = 0;
-        for ((record, joint), &sides) in joints.of(self).zip(part.joints).zip(&self.sides) {
+        for ((record, joint), &sides) in records.iter_mut().zip(part.joints).zip(&*sides) {
             let axes = &mut part.axes[first..first + joint.count as usize];
             first += axes.len();
-            let places = places_of(record, sides, &self.here);
-            self.arms.push(places.centers.map(|center| places.frames[0].position - center));
+            let places = places_of(record, sides, here);
+            arms.push(places.centers.map(|center| places.frames[0].position - center));
             let frame = places.axes();
-            let turns = self.turns.len();
-            self.turns.extend_from_slice(&record.turns);
-            let turns = &mut self.turns[turns..];
+            values.clear();
+            turns.clone_from(&record.turns);
             for (axis, plan) in axes.iter_mut().zip(&record.rows) {
                 let found = places.evaluate(&plan.coordinate, &frame);
                 let (value, turned) = found.reading.turned(&record.turns[plan.axis]);
-                self.values.push(value);
+                values.push(value);
                 turns[plan.axis] = turned;
                 axis.jacobian = [0, 1].map(|side| match record.bodies[side] {
                     WORLD => Velocity::ZERO,
@@ -225,31 +250,31 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 }
             }
             record.count_turns(&places, turns);
+            record.states.iter_mut().zip(&*values).for_each(|(own, q)| own.value = *q);
+            record.turns.copy_from_slice(turns);
         }
-        self.soften(at.bodies, joints, part, [h, stretch, speed]);
-        part.renew_prepared(&at.bodies.inverse_masses);
+        self.soften(at, part, [self.substep, stretch, speed]);
+        part.renew_prepared(at.masses);
     }
 
     /// Sets the parameters and compliances of the rows, whose J is known.
     fn soften<G: Geometry<L, A>>(
         &mut self,
-        bodies: &Bodies<G, L, A>,
-        joints: ActingJoints<'_>,
+        at: &BodyView<'_, G, L, A>,
         part: &mut MechanismPart<'_, L, A>,
         [h, stretch, speed]: [f64; 3],
     ) {
-        let masses = &bodies.inverse_masses;
         self.params.clear();
-        let ([low, high], has_loops) = (self.extent(masses), self.has_loops(masses));
+        let ([low, high], has_loops) = (self.extent(at), self.has_loops(at));
         let mut axes = part.axes.iter();
         let places = self.sides.iter().zip(&self.arms);
-        for ((joint, record), (sides, arms)) in part.joints.iter().zip(joints.of(self)).zip(places)
+        for ((joint, record), (sides, arms)) in part.joints.iter().zip(&self.records).zip(places)
         {
             let first = record.first_side();
             let anchor = self.here[sides[first]].position + arms[first];
             let reach = from_fn(|i| (anchor[i] - low[i]).max(high[i] - anchor[i]).max(0.0));
             let reach = Vector::<f64, 3>(reach).length();
-            let own = joint.bodies.map(|body| masses[body as usize].cast());
+            let own = joint.bodies.map(|body| at.inverse_mass(body).cast());
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
             self.params.extend(axes.by_ref().take(joint.count as usize).map(|axis| {
                 let mobility = axis.mobility(&own);
@@ -261,10 +286,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 RowParams { h, mobility, arm, lever, compliance: 0.0, repair, strongest }
             }));
         }
-        let loaded = self.drive_force(joints).max(1.0 / self.compliance);
-        let [turning, fastest] = self.turning(bodies);
+        let loaded = self.drive_force().max(1.0 / self.compliance);
+        let [turning, fastest] = self.turning(at);
         let rounding = (ROUNDING * fastest / RESIDUAL).powi(2);
-        let roles = joints.of(self).flat_map(|record| &record.rows).map(|row| &row.role);
+        let roles = self.records.iter().flat_map(|record| &record.rows).map(|row| &row.role);
         for ((axis, params), role) in part.axes.iter_mut().zip(&mut self.params).zip(roles) {
             let under = |force: f64| REPAIR * stretch / (force * (h * params.lever).powi(2));
             let turning = under(turning).max(params.mobility * rounding);
@@ -275,10 +300,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     }
 
     /// Returns the corners of the box around the centers of mass of its bodies that move. \[m\]
-    fn extent(&self, masses: &[InverseMass<f32, L, A>]) -> [Vec3; 2] {
+    fn extent<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> [Vec3; 2] {
         let infinite = Vector([f64::INFINITY; 3]);
         let moving = self.members.iter().zip(&self.here);
-        let moving = moving.filter(|(body, _)| masses[**body as usize].linear > 0.0);
+        let moving = moving.filter(|(body, _)| at.inverse_mass(**body).linear > 0.0);
         moving.fold([infinite, -infinite], |[low, high], (_, Place { position, .. })| {
             let low = from_fn(|i| low[i].min(position[i]));
             [Vector(low), Vector(from_fn(|i| high[i].max(position[i])))]
@@ -288,8 +313,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     /// Returns the largest force of a drive in the last substep. \[N\]
     ///
     /// Loads of locks would not do: those of a loop that its lengths cannot close grow with stiffness.
-    fn drive_force(&self, joints: ActingJoints<'_>) -> f64 {
-        let rows = joints.of(self).flat_map(|record| record.rows.iter().zip(&record.states));
+    fn drive_force(&self) -> f64 {
+        let rows = self.records.iter().flat_map(|record| record.rows.iter().zip(&record.states));
         let drives =
             rows.zip(&self.params).filter(|((row, _), _)| matches!(row.role, Role::Drive(_)));
         let force = |((_, state), params): ((_, &RowState), &RowParams)| {
@@ -301,11 +326,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     /// Returns the largest force that keeps a body on its arc, m (|omega x (omega x r)| + |omega x v|)
     /// \[N\], and the largest speed \[m/s\]. r is the arm of a joint, v the velocity relative to the
     /// mechanism.
-    fn turning<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>) -> [f64; 2] {
+    fn turning<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> [f64; 2] {
         let moving = |body: u32| {
-            let body = body as usize;
-            let inverse = f64::from(bodies.inverse_masses[body].linear);
-            (inverse > 0.0).then(|| (1.0 / inverse, bodies.velocities[body]))
+            let inverse = f64::from(at.inverse_mass(body).linear);
+            (inverse > 0.0).then(|| (1.0 / inverse, at.velocity(body)))
         };
         let mut mean = Vec3::ZERO;
         for (mass, velocity) in self.members.iter().filter_map(|&body| moving(body)) {
@@ -326,40 +350,31 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         [largest, fastest]
     }
 
-    /// Returns for each joint the rotations of its bodies.
-    pub(crate) fn turns(&self) -> impl Iterator<Item = [Turn; 2]> {
-        self.sides.iter().map(|sides| sides.map(|side| self.here[side].turn))
+    /// Returns the rotations of the bodies of a joint.
+    pub(crate) fn turns_of(&self, joint: usize) -> [Turn; 2] {
+        self.sides[joint].map(|side| self.here[side].turn)
     }
 
-    /// Finds the places of the bodies.
-    pub(crate) fn look<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>) {
+    /// Finds the places of the bodies. Those outside of the batch stay where they are.
+    pub(crate) fn look<G: Geometry<L, A>>(&mut self, at: &BodyView<'_, G, L, A>) {
         for (place, &body) in self.here.iter_mut().zip(&self.members) {
-            *place = at.of(body);
+            if at.index(body).is_some() {
+                *place = at.of(body);
+            }
         }
     }
 
-    /// Passes the coordinates that [`renew`](Self::renew) found on to the joints.
-    pub(crate) fn pass_on(&self, records: &mut [JointRecord], acting: &[u32]) {
-        let (mut values, mut turns) = (self.values.iter(), self.turns.iter());
-        for &slot in &acting[self.joints.clone()] {
-            let record = &mut records[slot as usize];
-            record.states.iter_mut().zip(&mut values).for_each(|(own, q)| own.value = *q);
-            record.turns.iter_mut().zip(&mut turns).for_each(|(own, of)| *own = *of);
-        }
-    }
-
-    /// Expects the bodies to move at these velocities of all bodies.
-    pub(crate) fn expect(&mut self, velocities: &[Velocity<f32, L, A>]) {
+    /// Expects the bodies to move at these velocities of the bodies of a batch.
+    pub(crate) fn expect(&mut self, first: usize, velocities: &[Velocity<f32, L, A>]) {
         self.expected.clear();
-        self.expected.extend(self.members.iter().map(|&body| velocities[body as usize]));
+        self.expected.extend(self.members.iter().map(|&body| of_batch(velocities, first, body)));
     }
 
-    /// Finds whether a body turns by more than [`FAST_TURN`] in a substep of `h` \[s\] at these
-    /// velocities of all bodies.
-    pub(crate) fn is_fast(&self, velocities: &[Velocity<f32, L, A>], h: f64) -> bool {
-        let h = h as f32;
+    /// Finds whether a body turns by more than [`FAST_TURN`] in a substep.
+    pub(crate) fn is_fast<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
+        let h = self.substep as f32;
         self.members.iter().any(|&body| {
-            let omega = velocities[body as usize].angular;
+            let omega = at.velocity(body).angular;
             omega.dot(omega) * h * h > FAST_TURN * FAST_TURN
         })
     }
@@ -371,10 +386,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         aim: &Aim<'_, G, L, A>,
         part: &mut MechanismPart<'_, L, A>,
     ) -> bool {
-        self.look_ahead(&aim.at, aim.h);
+        self.look_ahead(&aim.at);
         self.change = 0.0;
         let mut first = 0;
-        for ((record, joint), &sides) in aim.joints.of(self).zip(part.joints).zip(&self.sides) {
+        for ((record, joint), &sides) in self.records.iter().zip(part.joints).zip(&self.sides) {
             let rows = first..first + joint.count as usize;
             first = rows.end;
             let then = places_of(record, sides, &self.ahead);
@@ -383,7 +398,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             let change = set_targets(record, axes, &self.params[rows], (&then, &velocities));
             self.change = self.change.max(change);
         }
-        self.change * aim.h > aim.least_miss
+        self.change * self.substep > aim.least_miss
     }
 
     /// Solves the mechanism and lets the targets follow the path that it leaves, as long as that
@@ -406,11 +421,11 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         }
     }
 
-    /// Sets the places of the bodies after `h` \[s\] at the expected velocities, rotating freely: as
+    /// Sets the places of the bodies after the substep at the expected velocities, rotating freely: as
     /// they will [advance](crate::motion::MovingBodies::advance) from `here`.
-    fn look_ahead<G: Geometry<L, A>>(&mut self, at: &BodyPlaces<'_, G, L, A>, h: f64) {
-        let Self { members, here, ahead, expected, spinning, .. } = self;
-        let bodies = at.bodies;
+    fn look_ahead<G: Geometry<L, A>>(&mut self, at: &BodyView<'_, G, L, A>) {
+        let Self { members, here, ahead, expected, spinning, substep, .. } = self;
+        let (h, bodies) = (*substep, &at.properties);
         spinning.clear();
         for (index, &body) in members.iter().enumerate() {
             let (velocity, place) = (&expected[index], &mut ahead[index]);
@@ -428,39 +443,70 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             let body = members[index] as usize;
             let Inertia { moments, inverse_moments, .. } = &bodies.inertia[body];
             Spin {
-                pose: bodies.poses[body],
+                pose: at.poses[body - at.first],
                 moments: [moments, inverse_moments],
                 precession: bodies.precession[body],
                 omega: expected[index].angular,
-                remainder: bodies.spin_states[body].remainder,
+                remainder: at.spin_states[body - at.first].remainder,
             }
         };
         for spinning in spinning.chunks(PRECESS_LANES) {
             let all = std::array::from_fn(|lane| spin(spinning[lane.min(spinning.len() - 1)]));
             G::precess(&all, spinning.len(), h as f32, |lane, pose, _| {
                 let index = spinning[lane];
-                let back = rotation(&bodies.poses[members[index] as usize]).inverse();
+                let back = rotation(&at.poses[members[index] as usize - at.first]).inverse();
                 ahead[index].turn = rotation(&pose).of(&back).of(&here[index].turn);
             });
         }
     }
 
-    /// Finds the bodies for which (h S - I)+ / 2 is not zero ([`tension`]), for substeps of `h`
-    /// \[s\], and passes the pulls on to the joints.
-    pub(crate) fn find_surpluses<G: Geometry<L, A>>(
+    /// Gives bodies that hang in pulling joints the inertia with which they follow the pull ([`tension`]),
+    /// for the solve of the substep.
+    pub(crate) fn stiffen<G: Geometry<L, A>>(
         &mut self,
-        at: &BodyPlaces<'_, G, L, A>,
-        (records, acting): (&mut [JointRecord], &[u32]),
-        axes: &[Axis<f64, L, A>],
-        h: f64,
-        mut found: impl FnMut(u32, SymmetricMatrix<f64, A>),
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        part: &mut MechanismPart<'_, L, A>,
     ) {
-        let masses = &at.bodies.inverse_masses;
+        self.find_pulls(&bodies.view(), part.axes);
+        self.true_masses.clear();
+        for (&body, pulled) in self.members.iter().zip(&self.pulled) {
+            let Some(of) = pulled.stiffness() else { continue };
+            let mass = bodies.view().mass(body).angular;
+            let Some(surplus) = tension::surplus(&of, &mass, self.substep) else { continue };
+            let mut stiffened = mass;
+            for (own, more) in stiffened.0.iter_mut().zip(&surplus.0) {
+                *own += *more;
+            }
+            let Some(inverse) = stiffened.inverse() else { continue };
+            let index = body as usize - bodies.first;
+            let masses = &mut bodies.masses[index];
+            self.true_masses.push((body, *masses));
+            masses.angular = inverse.cast();
+            for velocity in [&mut bodies.velocities[index], &mut bodies.prospective[index]] {
+                velocity.angular = (inverse * (mass * velocity.angular.cast())).cast();
+            }
+        }
+        if !self.true_masses.is_empty() {
+            part.renew(bodies.masses);
+        }
+    }
+
+    /// Restores the inertia of the bodies that [`stiffen`](Self::stiffen) has changed.
+    pub(crate) fn unstiffen<G: Geometry<L, A>>(&mut self, bodies: &mut MovingBodies<'_, G, L, A>) {
+        for (body, masses) in self.true_masses.drain(..) {
+            bodies.masses[body as usize - bodies.first] = masses;
+        }
+    }
+
+    /// Finds the pulls of the joints on their bodies.
+    fn find_pulls<G: Geometry<L, A>>(
+        &mut self,
+        at: &BodyView<'_, G, L, A>,
+        axes: &[Axis<f64, L, A>],
+    ) {
         self.pulls.clear();
         let mut axes = axes.iter();
-        let slots = &acting[self.joints.clone()];
-        for ((&slot, sides), arms) in slots.iter().zip(&self.sides).zip(&self.arms) {
-            let record = &mut records[slot as usize];
+        for ((record, sides), arms) in self.records.iter_mut().zip(&self.sides).zip(&self.arms) {
             let mut impulses = [Vec3::ZERO; 2];
             for (state, axis) in record.states.iter().zip(&mut axes) {
                 let impulse = state.solved + state.relaxed;
@@ -478,21 +524,12 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 let lasting = if now > before { impulse * (before / now) } else { impulse };
                 // No pull turns a body that cannot move.
                 let body = record.bodies[side];
-                if body != WORLD && masses[body as usize] != InverseMass::FIXED {
+                if body != WORLD && at.inverse_mass(body) != InverseMass::FIXED {
                     self.pulls.push((sides[side], arms[side], lasting));
                 }
             }
         }
         tension::find(&mut self.pulled, self.pulls.iter().copied());
-        self.is_stiffened = false;
-        for (&body, pulled) in self.members.iter().zip(&self.pulled) {
-            let Some(of) = pulled.stiffness() else { continue };
-            let inertia = at.bodies.mass(body as usize).angular;
-            if let Some(surplus) = tension::surplus(&of, &inertia, h) {
-                self.is_stiffened = true;
-                found(body, surplus);
-            }
-        }
     }
 
     /// Tames the locks if they add energy to bodies that would move at the `prospective` velocities.
@@ -502,29 +539,30 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     /// their places. Targets of zero add no energy, but gaps stay. Locks with compliances eps and targets t
     /// add t^2 / (2 eps) at most, and soft ones leave out what only such a speed could reach. So where
     /// joints [gape](Self::gapes) locks soften first, unless they add energy still.
-    pub(crate) fn tame(
+    pub(crate) fn tame<G: Geometry<L, A>>(
         &self,
-        (joints, taming): (ActingJoints<'_>, Taming),
+        taming: Taming,
         part: &mut MechanismPart<'_, L, A>,
-        [prospective, velocities]: [&[Velocity<f32, L, A>]; 2],
-        masses: &[InverseMass<f32, L, A>],
+        at: &BodyView<'_, G, L, A>,
+        prospective: &[Velocity<f32, L, A>],
     ) -> bool {
         let least = |speed: f64| 0.5 * self.mass * speed * speed;
         // Locks that work less than this harm no mechanism, whatever its energy.
-        let work = self.work(joints, part, [prospective, velocities]);
+        let before = |body: u32| of_batch(prospective, at.first, body).cast::<f64>();
+        let after = |body: u32| at.velocity(body).cast::<f64>();
+        let work = self.work(part, |body| before(body) + after(body));
         if work <= least(LEAST_SPEED) {
             return false;
         }
         let (mut energy, mut gain) = (0.0, 0.0);
         for &body in &self.members {
-            let own = masses[body as usize].cast::<f64>().mass();
-            let [before, after] =
-                [prospective, velocities].map(|all| 0.5 * own.squared(&all[body as usize].cast()));
+            let own = at.inverse_mass(body).cast::<f64>().mass();
+            let [before, after] = [before(body), after(body)].map(|of| 0.5 * own.squared(&of));
             energy += before;
             gain += after - before;
         }
-        let speed = self.repair_speed(joints, part, masses).max(LEAST_SPEED);
-        let gapes = self.gapes(joints, masses);
+        let speed = self.repair_speed(part, at).max(LEAST_SPEED);
+        let gapes = self.gapes(at);
         let most = match taming {
             Taming::Soften if gapes => GAPING_GAIN * energy + least(speed),
             Taming::Soften => MOST_GAIN * energy + least(speed),
@@ -533,7 +571,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         if work.min(gain) <= most {
             return false;
         }
-        let rows = || joints.of(self).flat_map(|record| &record.rows).zip(&self.params);
+        let rows = || self.records.iter().flat_map(|record| &record.rows).zip(&self.params);
         let is_lock = |(row, params): (&RowPlan, &RowParams)| {
             row.role.is_rigid_lock() && params.mobility > 0.0
         };
@@ -553,38 +591,35 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     }
 
     /// Returns true if joints make loops. Then loads depend on the compliances of locks.
-    fn has_loops(&self, masses: &[InverseMass<f32, L, A>]) -> bool {
-        let moving = self.members.iter().filter(|body| masses[**body as usize].linear > 0.0);
+    fn has_loops<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
+        let moving = self.members.iter().filter(|body| at.inverse_mass(**body).linear > 0.0);
         self.sides.len() > moving.count()
     }
 
     /// Returns true if joints make loops and a position misses its lock far.
-    fn gapes(&self, joints: ActingJoints<'_>, masses: &[InverseMass<f32, L, A>]) -> bool {
-        if !self.has_loops(masses) {
+    fn gapes<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
+        if !self.has_loops(at) {
             return false;
         }
-        let rows = joints.of(self).flat_map(|record| record.rows.iter().zip(&record.states));
+        let rows = self.records.iter().flat_map(|record| record.rows.iter().zip(&record.states));
         let gaps = rows.map(|(plan, state)| match plan.role {
             Role::Lock(at, None) if !plan.coordinate.is_angle() => (state.value - at).abs(),
             _ => 0.0,
         });
-        let [low, high] = self.extent(masses);
+        let [low, high] = self.extent(at);
         gaps.fold(0.0, f64::max) > GAPING * (high - low).length()
     }
 
-    /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2. \[J\]
+    /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2, where `sum` is v + v'
+    /// of a body. \[J\]
     fn work(
         &self,
-        joints: ActingJoints<'_>,
         part: &MechanismPart<'_, L, A>,
-        [before, after]: [&[Velocity<f32, L, A>]; 2],
+        sum: impl Fn(u32) -> Velocity<f64, L, A>,
     ) -> f64 {
         let (mut work, mut axes) = (0.0, part.axes.iter());
-        for (record, joint) in joints.of(self).zip(part.joints) {
-            let [a, b] = joint.bodies.map(|body| {
-                let body = body as usize;
-                (before[body].cast::<f64>() + after[body].cast::<f64>()) * 0.5
-            });
+        for (record, joint) in self.records.iter().zip(part.joints) {
+            let [a, b] = joint.bodies.map(|body| sum(body) * 0.5);
             for (plan, axis) in record.rows.iter().zip(&mut axes) {
                 if plan.role.is_rigid_lock() {
                     work += axis.impulse * axis.velocity(&a, &b);
@@ -596,16 +631,15 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
 
     /// Returns the greatest speed that a repair asks for among the rigid locks. An angle turns all
     /// members about the joint. \[m/s\]
-    fn repair_speed(
+    fn repair_speed<G: Geometry<L, A>>(
         &self,
-        joints: ActingJoints<'_>,
         part: &MechanismPart<'_, L, A>,
-        masses: &[InverseMass<f32, L, A>],
+        at: &BodyView<'_, G, L, A>,
     ) -> f64 {
         let (mut fastest, mut rows) = (0.0f64, part.axes.iter().zip(&self.params));
         let places = self.sides.iter().zip(&self.arms);
-        for ((record, joint), (sides, arms)) in joints.of(self).zip(part.joints).zip(places) {
-            let unit = joint.bodies.map(|body| f64::from(masses[body as usize].linear));
+        for ((record, joint), (sides, arms)) in self.records.iter().zip(part.joints).zip(places) {
+            let unit = joint.bodies.map(|body| f64::from(at.inverse_mass(body).linear));
             let side = record.first_side();
             let anchor = self.here[sides[side]].position + arms[side];
             let distances = self.here.iter().map(|at| (at.position - anchor).length());

@@ -1,18 +1,35 @@
-//! [`BodyPlaces`]: where the bodies of joints are, in space and in `f64`.
+//! [`BodyView`]: the bodies of a batch as joints see them: in space and in `f64`.
 
-use drystone_solver::{Vector, Velocity};
+use drystone_solver::mechanism::of_batch;
+use drystone_solver::{InverseMass, Mass, Vector, Velocity};
 
 use super::coordinates::{Place, Turn, Vec3};
 use super::record::WORLD;
-use crate::bodies::Bodies;
+use crate::bodies::{BodyParams, SpinState};
 use crate::geometry::Geometry;
 
-/// Where the bodies are: poses, and displacements since the search.
-#[derive(Clone, Copy)]
-pub(crate) struct BodyPlaces<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    pub(crate) bodies: &'a Bodies<G, L, A>,
+/// The bodies of a batch.
+pub(crate) struct BodyView<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// Index of the first body.
+    pub(crate) first: usize,
+    pub(crate) poses: &'a [G::Pose],
+    pub(crate) velocities: &'a [Velocity<f32, L, A>],
+    /// M^-1.
+    pub(crate) masses: &'a [InverseMass<f32, L, A>],
+    pub(crate) spin_states: &'a [SpinState<A>],
+    /// Displacements since the search. Without them bodies are where it found them.
     pub(crate) displacements: &'a [Velocity<f32, L, A>],
+    /// Properties of all bodies.
+    pub(crate) properties: BodyParams<'a, L, A>,
 }
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Clone for BodyView<'_, G, L, A> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Copy for BodyView<'_, G, L, A> {}
 
 pub(crate) fn in_space<const N: usize>(vector: Vector<f32, N>) -> Vec3 {
     let mut out = Vec3::ZERO;
@@ -28,21 +45,52 @@ pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(pose: &G:
     Place { position: in_space(G::frame(pose).position), turn: Turn::normalized(G::rotation(pose)) }
 }
 
-impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyPlaces<'_, G, L, A> {
-    /// Returns the place of a center of mass and the axes of its body, or that of the world.
+impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyView<'_, G, L, A> {
+    /// Returns the index of a body in the batch. Bodies outside of it stand still.
+    pub(crate) fn index(&self, body: u32) -> Option<usize> {
+        let index = (body as usize).wrapping_sub(self.first);
+        (index < self.poses.len()).then_some(index)
+    }
+
+    /// Returns the velocity of a body.
+    #[inline(always)]
+    pub(crate) fn velocity(&self, body: u32) -> Velocity<f32, L, A> {
+        of_batch(self.velocities, self.first, body)
+    }
+
+    /// Returns M^-1 of a body.
+    #[inline(always)]
+    pub(crate) fn inverse_mass(&self, body: u32) -> InverseMass<f32, L, A> {
+        of_batch(self.masses, self.first, body)
+    }
+
+    /// Returns M of a body of the batch at its present pose. It is zero if the body is not dynamic, and
+    /// zero along infinite entries.
+    pub(crate) fn mass(&self, body: u32) -> Mass<L, A> {
+        self.properties.mass::<G>(body as usize, &self.poses[body as usize - self.first])
+    }
+
+    /// Returns the rotation of a body of the batch.
+    pub(crate) fn turn(&self, body: u32) -> Option<Turn> {
+        Some(Turn::normalized(G::rotation(&self.poses[self.index(body)?])))
+    }
+
+    /// Returns the place of a center of mass and the axes of its body, or that of the world. The body is
+    /// in the batch.
     pub(crate) fn of(&self, body: u32) -> Place {
         if body == WORLD {
             return Place::ORIGIN;
         }
-        let (bodies, body) = (self.bodies, body as usize);
-        let mut position = in_space(bodies.frames[body].position);
-        position += in_space(bodies.position_remainders[body]);
+        let body = body as usize;
+        let index = body - self.first;
+        let mut position = in_space(self.properties.frames[body].position);
+        position += in_space(self.properties.position_remainders[body]);
         let mut turned = Vec3::ZERO;
-        if let Some(moved) = self.displacements.get(body) {
+        if let Some(moved) = self.displacements.get(index) {
             position += in_space(moved.linear);
-            turned = in_space(moved.angular) - in_space(bodies.spin_states[body].followed);
+            turned = in_space(moved.angular) - in_space(self.spin_states[index].followed);
         }
-        let pose = Turn::normalized(G::rotation(&bodies.poses[body]));
+        let pose = Turn::normalized(G::rotation(&self.poses[index]));
         Place { position, turn: Turn::by(turned).of(&pose) }
     }
 }

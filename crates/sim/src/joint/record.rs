@@ -35,6 +35,21 @@ pub(crate) struct JointRecord {
 }
 
 impl JointRecord {
+    /// Takes the state of another record of the same joint.
+    pub(crate) fn take_state(&mut self, from: &Self) {
+        self.states.copy_from_slice(&from.states);
+        self.turns.copy_from_slice(&from.turns);
+        (self.pulls, self.load, self.broken) = (from.pulls, from.load, from.broken);
+    }
+
+    /// Scales the impulses of the last substep.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        for RowState { solved, relaxed, solved_before, .. } in &mut self.states {
+            [solved, relaxed, solved_before].into_iter().for_each(|own| *own *= factor);
+        }
+        self.pulls.iter_mut().for_each(|own| *own *= factor);
+    }
+
     /// Returns its places, where `of` returns those of its bodies.
     pub(crate) fn places(&self, of: impl Fn(u32) -> Place) -> JointPlaces<'_> {
         self.places_at(self.bodies.map(of))

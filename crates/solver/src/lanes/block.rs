@@ -46,6 +46,12 @@ pub trait ManifoldSource<const L: usize>: Sync {
         false
     }
 
+    /// Returns the pairs of bodies that joints couple: they are to be in one batch. If they change,
+    /// so do the [keys](Self::same_keys). The default is none.
+    fn couplings(&self) -> &[[u32; 2]] {
+        &[]
+    }
+
     /// Reads manifolds into the lanes `seats`, and `place`, `gap` and `impulse` of their points
     /// into `points`. There may be more `points` than a manifold has; an absent point has the gap
     /// [`FAR`].

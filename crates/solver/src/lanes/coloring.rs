@@ -265,7 +265,7 @@ impl Coloring {
         self.take_bodies((0..bodies as u32).map(|body| [moves(body); 2]));
         let (key, reuse) = (|manifold| manifolds[manifold as usize], |_| Reuse::New);
         let Intake { points, .. } = self.take(manifolds.len(), key, reuse, &ThreadPool::default());
-        self.division.update(&self.bodies, &mut self.keys, points, Sizes::NONE);
+        self.division.update(&self.bodies, &mut self.keys, points, (&[], Sizes::NONE));
         self.color();
         self.lay_out(false);
     }
@@ -311,18 +311,18 @@ impl Coloring {
     }
 
     /// Assigns the manifolds that have been `taken` to lanes, as [`assign`](Self::assign) does, but
-    /// in batches. Bodies, manifolds and points have these `sizes`.
+    /// in batches. `couplings` are the bodies of joints, and the sizes of all.
     ///
     /// If many manifolds are kept, manifolds that are not new and have their old color keep their
     /// lanes, and new manifolds take idle lanes. Colors are those of a full layout in any case.
     pub(crate) fn update(
         &mut self,
-        sizes: Sizes,
+        couplings: (&[[u32; 2]], Sizes),
         reuse: impl Fn(u32) -> Reuse + Sync,
         taken: Intake,
         pool: &ThreadPool,
     ) -> Placement {
-        let divided = self.division.update(&self.bodies, &mut self.keys, taken.points, sizes);
+        let divided = self.division.update(&self.bodies, &mut self.keys, taken.points, couplings);
         if !divided && self.keys == self.before {
             return Placement::Same;
         }

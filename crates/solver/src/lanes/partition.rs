@@ -9,9 +9,9 @@ pub(crate) const BATCH: usize = 1 << 18;
 /// Steps after which a system that could not be divided is tried again.
 const PATIENCE: u32 = 16;
 
-/// Extent of a batch: consecutive bodies that no manifold couples to others, with their manifolds.
+/// Extent of a batch: consecutive bodies that no constraint couples to others, with their manifolds.
 ///
-/// Batches are cut in the order of the bodies, where no manifold crosses the cut. So passes over
+/// Batches are cut in the order of the bodies, where no manifold or joint crosses the cut. So passes over
 /// bodies stay passes over slices. The batch of a manifold does not change its result by a bit.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct BatchRange {
@@ -33,17 +33,18 @@ pub(crate) struct ConstraintKey {
     pub(crate) points: u32,
 }
 
-/// Memory of a body, a manifold and a point. \[bytes\]
+/// Memory of a body, a manifold, a point and a joint with its body. \[bytes\]
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sizes {
     pub(crate) body: usize,
     pub(crate) manifold: usize,
     pub(crate) point: usize,
+    pub(crate) joint: usize,
 }
 
 impl Sizes {
     /// Sizes with which everything fits into one batch.
-    pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0 };
+    pub(crate) const NONE: Self = Self { body: 0, manifold: 0, point: 0, joint: 0 };
 }
 
 /// Assignment of bodies to batches.
@@ -54,8 +55,8 @@ pub(crate) struct Partition {
     anew: Vec<u32>,
     /// Batch of each body.
     of_body: Vec<u16>,
-    /// For each body, the last body that a manifold couples it to, and the memory of the body and
-    /// of the manifolds counted with it.
+    /// For each body, the last body that a constraint couples it to, and the memory of the body and
+    /// of the constraints counted with it.
     joined: Vec<(u32, u32)>,
     /// Steps since a division was last tried, while all bodies are one batch.
     waited: u32,
@@ -92,10 +93,11 @@ impl Partition {
         of_bodies: &[[bool; 2]],
         keys: &mut [ConstraintKey],
         points: usize,
-        sizes: Sizes,
+        (joints, sizes): (&[[u32; 2]], Sizes),
     ) -> bool {
         let bodies = of_bodies.len();
         let all = bodies * sizes.body + keys.len() * sizes.manifold + points * sizes.point;
+        let all = all + joints.len() * sizes.joint;
         let whole = self.ends == [bodies as u32];
         self.waited = if whole { (self.waited + 1) % PATIENCE } else { 0 };
         if all <= 2 * BATCH || self.waited > 0 {
@@ -105,7 +107,10 @@ impl Partition {
                 return false;
             }
         } else {
-            self.join(of_bodies, keys, sizes);
+            let of_key = |of: &ConstraintKey| sizes.manifold + sizes.point * of.points as usize;
+            let keys_of = keys.iter().map(|of| (of.bodies, of_key(of)));
+            let all = keys_of.chain(joints.iter().map(|of| (*of, sizes.joint)));
+            self.join(of_bodies, all, sizes.body);
             if self.divide() {
                 self.tell(of_bodies, keys);
                 return false;
@@ -120,22 +125,28 @@ impl Partition {
         true
     }
 
-    fn join(&mut self, bodies: &[[bool; 2]], keys: &[ConstraintKey], sizes: Sizes) {
+    /// Finds how far constraints couple each body. They are given by their bodies and their memory.
+    fn join(
+        &mut self,
+        bodies: &[[bool; 2]],
+        constraints: impl Iterator<Item = ([u32; 2], usize)>,
+        body: usize,
+    ) {
         let joins = |body: u32| bodies[body as usize][1];
         self.joined.clear();
-        self.joined.resize(bodies.len(), (0, sizes.body as u32));
-        for ConstraintKey { bodies: [a, b], points, .. } in keys {
-            let both = joins(*a) && joins(*b);
+        self.joined.resize(bodies.len(), (0, body as u32));
+        for ([a, b], memory) in constraints {
+            let both = joins(a) && joins(b);
             let (low, high) = if both {
                 (a.min(b), a.max(b))
-            } else if joins(*a) {
+            } else if joins(a) {
                 (a, a)
             } else {
                 (b, b)
             };
-            let (last, size) = &mut self.joined[*low as usize];
-            *last = (*last).max(*high);
-            *size += (sizes.manifold + sizes.point * *points as usize) as u32;
+            let (last, size) = &mut self.joined[low as usize];
+            *last = (*last).max(high);
+            *size += memory as u32;
         }
     }
 

@@ -21,6 +21,9 @@ use crate::{Contact, InverseMass, Manifold, Repair, SurfaceEffects, System, Vect
 /// packed strip by strip, so that the data read for them stays in the level-1 cache.
 const STRIP: usize = 32;
 
+/// Memory that the rows of a joint take, with the places and masses of a body. \[bytes\]
+const JOINT: usize = 4096;
+
 /// A system of `f32` contacts, packed into lanes.
 #[derive(Clone, Debug)]
 pub struct LaneSystem<const L: usize, const A: usize> {
@@ -95,6 +98,7 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
             body: 8 * size_of::<Velocity<f32, L, A>>(),
             manifold: size_of::<Block<Portable, L, A>>() / WIDTH,
             point: size_of::<Contact<Portable, L>>() / WIDTH,
+            joint: JOINT,
         };
         let sizes = if rows.is_whole() { Sizes::NONE } else { of_batches };
         let bodies = (0..masses.len() as u32).map(|body| [moves(body), joins(body)]);
@@ -104,7 +108,7 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
             Placement::Same
         } else {
             let taken = coloring.take(rows.count(), |of| rows.key(of), reuse, pool);
-            coloring.update(sizes, reuse, taken, pool)
+            coloring.update((rows.couplings(), sizes), reuse, taken, pool)
         };
         if placed == Placement::Anew {
             blocks.resize_with(coloring.points.len(), Block::empty);

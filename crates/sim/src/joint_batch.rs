@@ -1,0 +1,380 @@
+//! [`JointBatch`]: what the stages of a substep do with the joints of a batch.
+//!
+//! | Stage | What happens |
+//! |---|---|
+//! | warm start | the impulses of the previous substep act; then each row gets its target |
+//! | solve | all joints of a mechanism are solved together, after the contacts |
+//! | advance | bodies with joints rotate; coordinates and J are recomputed |
+//! | relax | all joints of a mechanism are solved together, for velocities that the new J allows |
+//!
+//! About half of the impulse that keeps a body on its arc comes from the solve, half from the
+//! relaxing. So bodies move as under the mean force, and end with velocities that J allows (RATTLE,
+//! Andersen 1983).
+
+use drystone_solver::mechanism::MechanismBatch;
+use drystone_solver::{InverseMass, Velocity};
+
+use crate::geometry::{Frame, Geometry};
+use crate::joint::Breaking;
+use crate::joint::linkage::{Aim, Linkage, Taming};
+use crate::joint::rows::{Role, RowState};
+use crate::joint::turning;
+use crate::motion::{MovingBodies, SubstepParams};
+
+/// Longest time over which a blow counts as a mean force. What breaks does not depend on the length of
+/// steps, as far as two substeps are shorter. \[s\]
+const BLOW: f64 = 1.0 / 240.0;
+
+/// Largest miss of a joint at the end of a substep that is solved no more. \[m, or rad\]
+const MOST_MISS: f64 = 1e-5;
+
+/// Miss of a joint at which targets follow the path no more, in a solve to a tolerance. \[m, or rad\]
+const LEAST_MISS: f64 = 1e-8;
+
+/// Rotation of an arm of a joint in a substep beyond which it is taken back: twice that for which steps
+/// are planned. \[rad\]
+const WIDE_TURN: f64 = 0.2;
+
+/// The mechanisms of a batch. The bodies passed to its methods are those of the batch.
+pub(crate) struct JointBatch<'a, const L: usize, const A: usize> {
+    pub(crate) mechanisms: MechanismBatch<'a, L, A>,
+    pub(crate) linkages: &'a mut [Linkage<L, A>],
+}
+
+impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
+    /// Splits at a body: into the mechanisms of bodies before it, and the others.
+    pub(crate) fn split_at(self, body: usize) -> (Self, Self) {
+        let (mechanisms, later_mechanisms) = self.mechanisms.split_at(body);
+        let (linkages, later_linkages) = self.linkages.split_at_mut(mechanisms.count());
+        let others = Self { mechanisms: later_mechanisms, linkages: later_linkages };
+        (Self { mechanisms, linkages }, others)
+    }
+
+    /// Returns true if there are no joints.
+    pub(crate) fn is_idle(&self) -> bool {
+        self.linkages.is_empty()
+    }
+
+    /// Returns true if a body of a mechanism touches another one.
+    pub(crate) fn touch(&self) -> bool {
+        self.linkages.iter().any(|linkage| linkage.touches)
+    }
+
+    /// Computes J, the coordinates and the compliances at the places of the bodies, for substeps with
+    /// these parameters.
+    pub(crate) fn renew<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        params: &SubstepParams<L>,
+    ) {
+        if self.is_idle() {
+            return;
+        }
+        for index in 0..bodies.masses.len() {
+            let body = bodies.first + index;
+            let properties = &bodies.properties;
+            let moves = bodies.masses[index].linear > 0.0 || properties.is_dynamic(body);
+            if A == 3 && properties.has_joint(body) && moves {
+                let moments = properties.inertia[body].inverse_moments;
+                let frame: Frame<L> = G::frame(&bodies.poses[index]);
+                bodies.masses[index].angular = frame.tensor(moments);
+            }
+        }
+        let [h, stretch, speed] =
+            [params.h, params.stretch, params.repair.max_repair_speed].map(f64::from);
+        let at = &bodies.view();
+        self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            linkage.take_substep(h);
+            linkage.renew(at, &mut part, [stretch, speed]);
+        });
+    }
+
+    /// Finds the springs that stand at the start of a substep, and the velocities that they give to bodies.
+    pub(crate) fn begin_springs<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+    ) {
+        bodies.spring_gains.fill(Velocity::ZERO);
+        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            linkage.begin_springs(bodies, &part);
+        }
+    }
+
+    /// Ends the springs that stood at the start of the substep, and those that stand now.
+    pub(crate) fn end_springs<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+    ) {
+        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            linkage.end_springs(bodies, &part);
+        }
+    }
+
+    /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
+    /// The bodies are expected to move at their prospective velocities, with the lasting impulses of
+    /// the joints. If `exact`, the targets of bodies that touch others follow their paths, too, which
+    /// contacts then [change](Self::aim_again).
+    pub(crate) fn warm_start<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        exact: bool,
+    ) {
+        if self.is_idle() {
+            return;
+        }
+        for (mut part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            linkage.stiffen(bodies, &mut part);
+            for (axis, state) in part.axes.iter_mut().zip(linkage.states()) {
+                axis.impulse = state.lasting();
+            }
+        }
+        self.mechanisms.apply(bodies.velocities, bodies.masses);
+        let least_miss = if exact { LEAST_MISS } else { MOST_MISS };
+        let aim = Aim { at: bodies.view(), least_miss };
+        let (at, prospective) = (&aim.at, &*bodies.prospective);
+        self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            // Displacements have changed since J was computed.
+            linkage.look(at);
+            linkage.expect(at.first, prospective);
+            // Where contacts act, too, joints alone do not tell the path.
+            if !linkage.touches {
+                part.apply(&mut linkage.expected, at.masses);
+            }
+            linkage.set_targets(&aim, &mut part);
+            linkage.aims = linkage.is_fast(at) && (exact || !linkage.touches);
+            if linkage.aims {
+                part.load(at.velocities);
+                linkage.follow(&aim, &mut part);
+            }
+        });
+        self.mechanisms.store(self.linkages.iter().map(|of| of.aims), bodies.velocities);
+    }
+
+    /// Solves all mechanisms for the targets of the substep.
+    pub(crate) fn solve(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.mechanisms.solve_those(std::iter::repeat(true), velocities);
+    }
+
+    /// Solves the mechanisms whose targets follow their paths.
+    pub(crate) fn solve_aiming(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.mechanisms.solve_those(self.linkages.iter().map(|of| of.aims), velocities);
+    }
+
+    /// Solves the mechanisms of which a body touches another one; of an `exact` solve only those that
+    /// rest ([`Lead`](drystone_solver::lanes::Lead)).
+    pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>], exact: bool) {
+        let is_due = |of: &Linkage<L, A>| if exact { of.leads } else { of.touches };
+        self.mechanisms.solve_those(self.linkages.iter().map(is_due), velocities);
+    }
+
+    /// Sets the targets again where contacts have changed the paths of bodies that turn fast. Returns
+    /// true if joints would then miss their places by more than [`MOST_MISS`]. If the joints are solved
+    /// `alone`, the targets follow further.
+    pub(crate) fn aim_again<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        alone: bool,
+    ) -> bool {
+        if !self.touch() {
+            return false;
+        }
+        let aim = Aim { at: bodies.view(), least_miss: MOST_MISS };
+        let at = &aim.at;
+        self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            linkage.aims = linkage.touches && linkage.is_fast(at) && {
+                linkage.expect(at.first, at.velocities);
+                linkage.set_targets(&aim, &mut part)
+            };
+            if linkage.aims && alone {
+                part.load(at.velocities);
+                linkage.follow(&aim, &mut part);
+            }
+        });
+        let aims = self.linkages.iter().map(|of| of.aims);
+        if alone {
+            self.mechanisms.store(aims.clone(), bodies.velocities);
+        }
+        aims.clone().any(|aims| aims)
+    }
+
+    /// Tames the mechanisms whose locks add energy to bodies that would move at their prospective
+    /// velocities. Returns true if there are any: the substep is to be solved again.
+    pub(crate) fn tame<G: Geometry<L, A>>(
+        &mut self,
+        taming: Taming,
+        bodies: &MovingBodies<'_, G, L, A>,
+    ) -> bool {
+        let (at, prospective) = (&bodies.view(), &*bodies.prospective);
+        self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            let may_be = taming == Taming::Soften || linkage.aims;
+            linkage.aims = may_be && linkage.tame(taming, &mut part, at, prospective);
+        });
+        self.linkages.iter().any(|of| of.aims)
+    }
+
+    /// Breaks the joints that the solve of a substep loads by more than their strength in [`BLOW`], or in
+    /// two substeps. Returns true if there were any; then the substep is to be solved again.
+    pub(crate) fn snap<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+    ) -> bool {
+        let mut any = false;
+        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            let mut left = part.axes;
+            for (index, joint) in part.joints.iter().enumerate() {
+                let (axes, later) = std::mem::take(&mut left).split_at_mut(joint.count as usize);
+                left = later;
+                let turns = linkage.turns_of(index);
+                let Linkage { records, arms, step, substep, slots, snapped, .. } = linkage;
+                let record = &mut records[index];
+                if record.broken || record.breaking == Breaking::NEVER || joint.count == 0 {
+                    continue;
+                }
+                let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), &arms[index]);
+                // The solve may bear up to twice the load of its substep, and relaxing takes it back.
+                let time = step.min(BLOW).max(2.0 * *substep);
+                if record.strain(load.map(|own| own.length()), time) <= 1.0 {
+                    continue;
+                }
+                record.bear(load, turns);
+                record.broken = true;
+                snapped.push(slots[index]);
+                any = true;
+                for axis in axes {
+                    for (&body, jacobian) in joint.bodies.iter().zip(&axis.jacobian) {
+                        let Some(at) = bodies.view().index(body) else { continue };
+                        let inverse: InverseMass<f64, L, A> = bodies.masses[at].cast();
+                        bodies.velocities[at] -=
+                            inverse.velocity(&(*jacobian * axis.impulse)).cast();
+                    }
+                    (axis.impulse, axis.law.bounds) = (0.0, [0.0; 2]);
+                }
+            }
+        }
+        any
+    }
+
+    /// Takes a substep back that has been solved if joints would turn too far in it. Returns the rate at
+    /// which they would \[rad/s\], or `None` if the substep stays.
+    pub(crate) fn take_back<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        params: &SubstepParams<L>,
+    ) -> Option<f64> {
+        let (h, gravity) = (f64::from(params.h), f64::from(params.gravity.length()));
+        let turn = self.largest_turn(bodies, [h, WIDE_TURN], gravity);
+        if turn <= WIDE_TURN {
+            return None;
+        }
+        self.unstiffen(bodies);
+        bodies.restore_start();
+        Some(turn / h)
+    }
+
+    /// Returns the largest angle by which joints turn within `dt` \[s\]; any up to `least` if none is
+    /// larger ([`turning`]). `gravity` is the length of its acceleration. \[rad, m/s^2\]
+    fn largest_turn<G: Geometry<L, A>>(
+        &self,
+        bodies: &MovingBodies<'_, G, L, A>,
+        [dt, least]: [f64; 2],
+        gravity: f64,
+    ) -> f64 {
+        let at = &bodies.view();
+        let mut fastest = 0.0f64;
+        for linkage in &*self.linkages {
+            for (index, record) in linkage.records.iter().enumerate().filter(|(_, of)| !of.broken) {
+                let there = linkage.turns_of(index);
+                let rate = turning::rate(record, at, there, [dt, least], gravity);
+                fastest = fastest.max(rate);
+            }
+        }
+        fastest * dt
+    }
+
+    /// Stores the impulses of the solve. From then on the velocities without contacts include them.
+    pub(crate) fn keep_solved<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+    ) {
+        self.keep(|state, impulse| {
+            state.solved_before = std::mem::replace(&mut state.solved, impulse);
+        });
+        self.mechanisms.apply(bodies.prospective, bodies.masses);
+        self.unstiffen(bodies);
+    }
+
+    fn unstiffen<G: Geometry<L, A>>(&mut self, bodies: &mut MovingBodies<'_, G, L, A>) {
+        self.linkages.iter_mut().for_each(|linkage| linkage.unstiffen(bodies));
+    }
+
+    /// Begins the relaxing: each row gets its law for the end of the substep, and no impulse. So every
+    /// visit of joints and contacts in turn takes energy away. From the impulses of the last relaxing
+    /// contacts would bear what joints then take back, and throw bodies whose contacts and joints bear
+    /// against each other. J has been [renewed](Self::renew).
+    pub(crate) fn begin_relaxing(&mut self) {
+        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            let mut axes = part.axes.iter_mut();
+            for record in &linkage.records {
+                for (plan, state) in record.rows.iter().zip(&record.states) {
+                    let Some(axis) = axes.next() else { break };
+                    axis.law = plan.role.relaxing_law(&axis.law, state, linkage.substep);
+                    if record.broken {
+                        axis.law.bounds = [0.0; 2];
+                    }
+                    axis.impulse = 0.0;
+                }
+            }
+        }
+    }
+
+    /// Ends the relaxing: velocities without contacts include its impulses, and joints bear them.
+    pub(crate) fn keep_relaxed<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+    ) {
+        self.mechanisms.apply(bodies.prospective, bodies.masses);
+        self.keep(|state, impulse| state.relaxed = impulse);
+        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            let mut left = &*part.axes;
+            for (index, joint) in part.joints.iter().enumerate() {
+                let (axes, later) = left.split_at(joint.count as usize);
+                left = later;
+                let (turns, arms) = (linkage.turns_of(index), linkage.arms[index]);
+                let record = &mut linkage.records[index];
+                let impulses = record.states.iter().map(|state| state.solved + state.relaxed);
+                let load = record.load_by(axes, impulses, &arms);
+                record.bear(load, turns);
+            }
+        }
+    }
+
+    fn keep(&mut self, to: impl Fn(&mut RowState, f64)) {
+        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            let states = linkage.records.iter_mut().flat_map(|record| &mut record.states);
+            for (axis, state) in part.axes.iter().zip(states) {
+                to(state, axis.impulse);
+            }
+        }
+    }
+
+    /// Passes an impact on through the locks: the bodies that it has struck pull those joined to them.
+    /// Locks take energy, and never add any.
+    pub(crate) fn pass_impact(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            let mut axes = part.axes.iter_mut();
+            for record in &linkage.records {
+                let holds = record.breaking == Breaking::NEVER;
+                for row in &record.rows {
+                    let Some(axis) = axes.next() else { break };
+                    axis.impulse = 0.0;
+                    axis.law.targets = [0.0; 2];
+                    axis.law.bounds = match row.role {
+                        Role::Lock(_, None) if holds => [f64::NEG_INFINITY, f64::INFINITY],
+                        _ => [0.0; 2],
+                    };
+                }
+            }
+        }
+        self.solve(velocities);
+    }
+}
