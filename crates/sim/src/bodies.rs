@@ -1,12 +1,12 @@
 //! The bodies of a world: poses, velocities, inertia and forces, one array per property.
 
+use drystone_solver::mechanism::of_batch;
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, System, Vector, Velocity};
 
 use crate::body::{Filter, Material, Motion};
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties, Precession, Reach};
 use crate::ids::{Slots, put};
-use crate::joint::places::BodyView;
 
 /// Description of a body to be added to a world.
 #[derive(Clone)]
@@ -364,6 +364,55 @@ impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
     /// Returns the acceleration of gravity of a body. \[m/s^2\]
     pub(crate) fn gravity_on(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
         gravity * self.gravity_factor[body]
+    }
+}
+
+/// The bodies of a batch, to be read.
+pub(crate) struct BodyView<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
+    /// Index of the first body.
+    pub(crate) first: usize,
+    pub(crate) poses: &'a [G::Pose],
+    pub(crate) velocities: &'a [Velocity<f32, L, A>],
+    /// M^-1.
+    pub(crate) masses: &'a [InverseMass<f32, L, A>],
+    pub(crate) spin_states: &'a [SpinState<A>],
+    /// Displacements since the search. Without them bodies are where it found them.
+    pub(crate) displacements: &'a [Velocity<f32, L, A>],
+    /// Properties of all bodies.
+    pub(crate) properties: BodyParams<'a, L, A>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Clone for BodyView<'_, G, L, A> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Copy for BodyView<'_, G, L, A> {}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyView<'_, G, L, A> {
+    /// Returns the index of a body in the batch. Bodies outside of it stand still.
+    pub(crate) fn index(&self, body: u32) -> Option<usize> {
+        let index = (body as usize).wrapping_sub(self.first);
+        (index < self.poses.len()).then_some(index)
+    }
+
+    /// Returns the velocity of a body.
+    #[inline(always)]
+    pub(crate) fn velocity(&self, body: u32) -> Velocity<f32, L, A> {
+        of_batch(self.velocities, self.first, body)
+    }
+
+    /// Returns M^-1 of a body.
+    #[inline(always)]
+    pub(crate) fn inverse_mass(&self, body: u32) -> InverseMass<f32, L, A> {
+        of_batch(self.masses, self.first, body)
+    }
+
+    /// Returns M of a body of the batch at its present pose. It is zero if the body is not dynamic, and
+    /// zero along infinite entries.
+    pub(crate) fn mass(&self, body: u32) -> Mass<L, A> {
+        self.properties.mass::<G>(body as usize, &self.poses[body as usize - self.first])
     }
 }
 

@@ -51,7 +51,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         joints.forget();
         self.definitions_changed();
         self.wake_joined(slot);
-        self.pair_again();
+        self.pair_again(slot as u32);
         Ok(id)
     }
 
@@ -94,6 +94,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.solver.joints.forget();
         self.definitions_changed();
         self.wake_joined(slot);
+        self.pair_again(slot as u32);
         Ok(())
     }
 
@@ -122,7 +123,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         (record.enabled, record.broken) = (enabled, false);
         self.definitions_changed();
         self.wake_joined(slot);
-        self.pair_again();
+        self.pair_again(slot as u32);
         Ok(())
     }
 

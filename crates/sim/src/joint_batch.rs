@@ -11,6 +11,8 @@
 //! relaxing. So bodies move as under the mean force, and end with velocities that J allows (RATTLE,
 //! Andersen 1983).
 
+use std::ops::Range;
+
 use drystone_solver::mechanism::MechanismBatch;
 use drystone_solver::{InverseMass, Velocity};
 
@@ -35,6 +37,9 @@ const LEAST_MISS: f64 = 1e-8;
 /// are planned. \[rad\]
 const WIDE_TURN: f64 = 0.2;
 
+/// Time that a joint takes in a substep, over that of a block of contacts. \[1\]
+const WORK: usize = 7;
+
 /// The mechanisms of a batch. The bodies passed to its methods are those of the batch.
 pub(crate) struct JointBatch<'a, const L: usize, const A: usize> {
     pub(crate) mechanisms: MechanismBatch<'a, L, A>,
@@ -48,6 +53,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         let (linkages, later_linkages) = self.linkages.split_at_mut(mechanisms.count());
         let others = Self { mechanisms: later_mechanisms, linkages: later_linkages };
         (Self { mechanisms, linkages }, others)
+    }
+
+    /// Returns how long the joints of a range of bodies take, over a block of contacts. \[1\]
+    pub(crate) fn work(&self, bodies: Range<usize>) -> usize {
+        WORK * self.mechanisms.count_in(bodies)
     }
 
     /// Returns true if there are no joints.
@@ -254,31 +264,29 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         any
     }
 
-    /// Takes a substep back that has been solved if joints would turn too far in it. Returns the rate at
-    /// which they would \[rad/s\], or `None` if the substep stays.
-    pub(crate) fn take_back<G: Geometry<L, A>>(
-        &mut self,
-        bodies: &mut MovingBodies<'_, G, L, A>,
+    /// Returns the rate at which joints would turn in a substep that has been solved \[rad/s\], if that is
+    /// too far: the substep is to be taken back.
+    ///
+    /// A blow can turn a light body fast within one substep: a rope that becomes taut, a limit that stops
+    /// a heavy load. How fast it turns is known only when the substep has been solved.
+    pub(crate) fn turn_rate<G: Geometry<L, A>>(
+        &self,
+        bodies: &MovingBodies<'_, G, L, A>,
         params: &SubstepParams<L>,
     ) -> Option<f64> {
-        let (h, gravity) = (f64::from(params.h), f64::from(params.gravity.length()));
-        let turn = self.largest_turn(bodies, [h, WIDE_TURN], gravity);
-        if turn <= WIDE_TURN {
-            return None;
-        }
-        self.unstiffen(bodies);
-        bodies.restore_start();
-        Some(turn / h)
+        let turn = self.largest_turn(bodies, params, WIDE_TURN);
+        (turn > WIDE_TURN).then(|| turn / f64::from(params.h))
     }
 
-    /// Returns the largest angle by which joints turn within `dt` \[s\]; any up to `least` if none is
-    /// larger ([`turning`]). `gravity` is the length of its acceleration. \[rad, m/s^2\]
+    /// Returns the largest angle by which joints turn in a substep; any up to `least` if none is larger
+    /// ([`turning`]). \[rad\]
     fn largest_turn<G: Geometry<L, A>>(
         &self,
         bodies: &MovingBodies<'_, G, L, A>,
-        [dt, least]: [f64; 2],
-        gravity: f64,
+        params: &SubstepParams<L>,
+        least: f64,
     ) -> f64 {
+        let (dt, gravity) = (f64::from(params.h), f64::from(params.gravity.length()));
         let at = &bodies.view();
         let mut fastest = 0.0f64;
         for linkage in &*self.linkages {
@@ -303,7 +311,8 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         self.unstiffen(bodies);
     }
 
-    fn unstiffen<G: Geometry<L, A>>(&mut self, bodies: &mut MovingBodies<'_, G, L, A>) {
+    /// Restores the inertia of the bodies to which pulls have added some.
+    pub(crate) fn unstiffen<G: Geometry<L, A>>(&mut self, bodies: &mut MovingBodies<'_, G, L, A>) {
         self.linkages.iter_mut().for_each(|linkage| linkage.unstiffen(bodies));
     }
 

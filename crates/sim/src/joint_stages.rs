@@ -1,12 +1,10 @@
 //! The stages of a substep that concern [`Joints`](crate::joints::Joints), on a world.
 
+use crate::bodies::BodyView;
 use crate::geometry::Geometry;
-use crate::joint::places::BodyView;
 use crate::joint::record::WORLD;
-use crate::motion::SubstepParams;
 use crate::report::StepReport;
 use crate::step_scratch::StepScratch;
-use crate::substep::SubstepContext;
 use crate::world::World;
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
@@ -63,10 +61,25 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         rejoined
     }
 
-    /// Computes J of the joints at the places of the bodies, for substeps with these parameters.
-    pub(crate) fn renew_joints(&mut self, params: &SubstepParams<L>) {
-        let SubstepContext { mut joints, mut bodies, .. } = self.context();
-        joints.renew(&mut bodies, params);
+    /// Keeps what a part changes of the bodies.
+    pub(crate) fn keep_part(&mut self) {
+        let (kept, bodies) = (&mut self.scratch.part, &self.bodies);
+        kept.poses.clone_from(&bodies.poses);
+        kept.velocities.clone_from(&bodies.velocities);
+        kept.contact_gains.clone_from(&bodies.contact_gains);
+        kept.inverse_masses.clone_from(&bodies.inverse_masses);
+        kept.spin_states.clone_from(&bodies.spin_states);
+    }
+
+    /// Takes a part back whose contacts have not been written to the cache. Its rows are to be built again.
+    pub(crate) fn take_part_back(&mut self) {
+        let (kept, bodies) = (&mut self.scratch.part, &mut self.bodies);
+        std::mem::swap(&mut kept.poses, &mut bodies.poses);
+        std::mem::swap(&mut kept.velocities, &mut bodies.velocities);
+        std::mem::swap(&mut kept.contact_gains, &mut bodies.contact_gains);
+        std::mem::swap(&mut kept.inverse_masses, &mut bodies.inverse_masses);
+        std::mem::swap(&mut kept.spin_states, &mut bodies.spin_states);
+        self.solver.lanes.forget();
     }
 
     /// Passes changed masses on to the certificates.
@@ -79,8 +92,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Ends a step of `dt` \[s\]: joints break, and the report gets the worst gap.
     pub(crate) fn end_joints(&mut self, dt: f32, report: &mut StepReport) {
         report.broken = self.solver.joints.break_overloaded();
-        if !report.broken.is_empty() {
-            self.pair_again();
+        for index in 0..report.broken.len() {
+            self.pair_again(report.broken[index].joint);
         }
         if !self.solver.joints.is_idle() {
             self.solver.joints.last_step = f64::from(dt);

@@ -6,12 +6,12 @@ use drystone_solver::mechanism::Mechanisms;
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, Vector, Velocity};
 
-use crate::bodies::Bodies;
+use crate::bodies::{Bodies, BodyView};
 use crate::geometry::Geometry;
 use crate::ids::Slots;
 use crate::joint::coordinates::{RowCoordinate, Turn, Vec3};
 use crate::joint::linkage::Linkage;
-use crate::joint::places::{BodyView, in_space};
+use crate::joint::places::in_space;
 use crate::joint::record::{JointRecord, WORLD};
 use crate::joint::rows::{Role, RowState};
 use crate::joint::{Breaking, JointState, turning};
@@ -74,10 +74,10 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     is_stale: bool,
     /// Length of the last step. \[s\]
     pub(crate) last_step: f64,
-    /// Pairs of bodies whose shapes do not collide, in ascending order.
-    separated: Vec<[u32; 2]>,
-    /// Joints with locks by their bodies, in ascending order. Bodies that stand still are [`WORLD`].
-    locked: Vec<([u32; 2], u32)>,
+    /// Joints whose bodies do not collide.
+    separated: JointPairs,
+    /// Joints with locks whose bodies collide. Bodies that stand still are [`WORLD`].
+    locked: JointPairs,
 }
 
 impl<const L: usize, const A: usize> Joints<L, A> {
@@ -109,49 +109,33 @@ impl<const L: usize, const A: usize> Joints<L, A> {
 
     /// Returns true if a joint keeps the shapes of two bodies from colliding.
     pub(crate) fn separates(&self, bodies: [u32; 2]) -> bool {
-        self.separated.binary_search(&ascending(bodies)).is_ok()
-    }
-
-    /// Finds the pairs of bodies whose shapes do not collide. Returns true if there are others than
-    /// before.
-    pub(crate) fn find_separated(&mut self) -> bool {
-        let mut separated: Vec<_> = self
-            .taken()
-            .filter(|(_, record)| !record.collide && record.enabled && !record.broken)
-            .map(|(_, record)| ascending(record.bodies))
-            .collect();
-        separated.sort_unstable();
-        separated.dedup();
-        std::mem::replace(&mut self.separated, separated) != self.separated
-    }
-
-    /// Finds the joints with locks. Returns the slots of joints that hold other contacts than before.
-    pub(crate) fn find_locked(&mut self, is_static: impl Fn(u32) -> bool) -> Vec<u32> {
-        let of = |body| if body != WORLD && is_static(body) { WORLD } else { body };
-        let mut locked: Vec<_> = self
-            .taken()
-            .filter(|(_, record)| record.collide && record.enabled && !record.broken)
-            .filter(|(_, record)| record.rows.iter().any(|row| row.role.is_rigid_lock()))
-            .map(|(slot, record)| (ascending(record.bodies.map(of)), slot as u32))
-            .collect();
-        locked.sort_unstable();
-        let before = std::mem::replace(&mut self.locked, locked);
-        let (gone, new) = (but_for(&before, &self.locked), but_for(&self.locked, &before));
-        gone.chain(new).map(|(_, slot)| slot).collect()
+        !self.separated.between(bodies).is_empty()
     }
 
     /// Returns the joints with locks between two bodies that collide, with [`WORLD`] for bodies that
     /// stand still.
     pub(crate) fn locked_between(&self, bodies: [u32; 2]) -> &[([u32; 2], u32)] {
-        let bodies = ascending(bodies);
-        let first = self.locked.partition_point(|(own, _)| *own < bodies);
-        let count = self.locked[first..].partition_point(|(own, _)| *own == bodies);
-        &self.locked[first..first + count]
+        self.locked.between(bodies)
+    }
+
+    /// Finds anew whether a joint separates the shapes of its bodies, and whether it holds contacts of
+    /// theirs. Returns whether each of both has changed.
+    pub(crate) fn pair(&mut self, slot: u32, is_static: impl Fn(u32) -> bool) -> [bool; 2] {
+        let Self { slots, records, separated, locked, .. } = self;
+        let record = &records[slot as usize];
+        let acts = slots.is_taken(slot as usize) && record.enabled && !record.broken;
+        let is_locked = || record.rows.iter().any(|row| row.role.is_rigid_lock());
+        let before = !separated.between(record.bodies).is_empty();
+        separated.set(record.bodies, slot, acts && !record.collide);
+        let after = !separated.between(record.bodies).is_empty();
+        let of = |body| if body != WORLD && is_static(body) { WORLD } else { body };
+        let holds = acts && record.collide && is_locked();
+        [before != after, locked.set(record.bodies.map(of), slot, holds)]
     }
 
     /// Returns true if joints hold contacts of a body ([`held_contacts`](crate::held_contacts)).
     pub(crate) fn has_locked(&self) -> bool {
-        !self.locked.is_empty()
+        !self.locked.0.is_empty()
     }
 
     /// Returns the joints and their slots.
@@ -310,6 +294,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.acting.iter().any(|&slot| self.records[slot as usize].breaking != Breaking::NEVER)
     }
 
+    /// Returns the joints that earlier parts of the step have broken within substeps.
+    pub(crate) fn broken_before(&self) -> &[u32] {
+        &self.snapped
+    }
+
     /// Returns the number of joints that the step has broken so far within substeps.
     pub(crate) fn snapped(&self) -> usize {
         self.snapped.len() + self.linkages.iter().map(|of| of.snapped.len()).sum::<usize>()
@@ -373,7 +362,6 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         }
         (self.last_step, self.substep) = (from.last_step, from.substep);
         self.forget();
-        self.find_separated();
     }
 
     /// Returns the rows of the joints that act, with their present impulses.
@@ -477,13 +465,34 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 }
 
-/// Returns the members of a sorted list that another one lacks.
-fn but_for<'a, T: Copy + Ord>(of: &'a [T], other: &'a [T]) -> impl Iterator<Item = T> + 'a {
-    of.iter().copied().filter(|own| other.binary_search(own).is_err())
-}
+/// Joints by their bodies, in ascending order.
+#[derive(Clone, Debug, Default)]
+struct JointPairs(Vec<([u32; 2], u32)>);
 
-fn ascending([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
+impl JointPairs {
+    /// Returns the joints between two bodies.
+    fn between(&self, [a, b]: [u32; 2]) -> &[([u32; 2], u32)] {
+        let bodies = [a.min(b), a.max(b)];
+        let first = self.0.partition_point(|(own, _)| *own < bodies);
+        let count = self.0[first..].partition_point(|(own, _)| *own == bodies);
+        &self.0[first..first + count]
+    }
+
+    /// Sets whether a joint is in the list. Returns true if that has changed.
+    fn set(&mut self, [a, b]: [u32; 2], slot: u32, is_in: bool) -> bool {
+        let entry = ([a.min(b), a.max(b)], slot);
+        match self.0.binary_search(&entry) {
+            Ok(at) if !is_in => {
+                self.0.remove(at);
+                true
+            }
+            Err(at) if is_in => {
+                self.0.insert(at, entry);
+                true
+            }
+            _ => false,
+        }
+    }
 }
 
 /// Returns the bodies of a joint for the solver: the only one twice if the other is the world.

@@ -7,9 +7,8 @@ use drystone_solver::kinematics;
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Repair, SymmetricMatrix, Vector, Velocity};
 
-use crate::bodies::{Bodies, BodyParams, GRAIN, Inertia, SearchMotion, SpinState, damped};
+use crate::bodies::{Bodies, BodyParams, BodyView, GRAIN, Inertia, SearchMotion, SpinState, damped};
 use crate::geometry::{Frame, Geometry, PRECESS_LANES, Precession, Spin};
-use crate::joint::places::BodyView;
 
 /// Number of bodies per chunk. In each chunk, the precessing bodies are collected before they are
 /// rotated.
@@ -30,10 +29,6 @@ const MOST_BORNE: f32 = 20.0;
 /// Largest rotation of such a body by the constant part in a substep. \[rad\]
 const MOST_TURN: f32 = 0.02;
 
-/// In a substep no arm of a joint turns by more than this angle, as far as the setting `max_substeps`
-/// allows. \[rad\]
-pub(crate) const MOST_ARM_TURN: f64 = 0.1;
-
 /// Parameters of the substeps of a part.
 #[derive(Clone, Copy)]
 pub(crate) struct SubstepParams<const L: usize> {
@@ -47,9 +42,6 @@ pub(crate) struct SubstepParams<const L: usize> {
     pub(crate) repair: Repair<f32>,
     /// Softness of contacts: epsilon / (A_ii + epsilon). \[1\]
     pub(crate) softness: f32,
-    /// Length of the shortest substep, and the time of the part before the first one. \[s\]
-    pub(crate) shortest: f32,
-    pub(crate) passed: f32,
     /// Stretch of locks that carry the weight of their mechanism. \[m\]
     pub(crate) stretch: f32,
 }
@@ -78,25 +70,6 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     /// Properties of all bodies.
     pub(crate) properties: BodyParams<'a, L, A>,
     pub(crate) pool: &'a ThreadPool,
-}
-
-impl<const L: usize> SubstepParams<L> {
-    /// Returns true if substeps may be shorter.
-    pub(crate) fn may_shorten(&self) -> bool {
-        self.h > 1.01 * self.shortest
-    }
-
-    /// Returns parameters for the rest of the part after `taken` substeps, in which joints would turn at
-    /// this `rate`. \[rad/s\]
-    pub(crate) fn shortened(&self, taken: u32, rate: f64) -> Self {
-        let (left, passed) = (self.substeps - taken, self.passed + self.h * taken as f32);
-        let rest = self.h * left as f32;
-        let most = (rest / self.shortest).max(1.0);
-        let substeps = (rate * f64::from(rest) / MOST_ARM_TURN).ceil().min(f64::from(most)) as u32;
-        let substeps = substeps.max(left);
-        let h = rest / substeps as f32;
-        Self { h, substeps, passed, repair: Repair { dt: h, ..self.repair }, ..*self }
-    }
 }
 
 impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, L, A> {

@@ -4,8 +4,8 @@
 use drystone_solver::assembled::{Assembly, ProblemError};
 use drystone_solver::{System, Vector};
 
+use crate::bodies::BodyView;
 use crate::geometry::Geometry;
-use crate::joint::places::BodyView;
 use crate::joint::record::WORLD;
 use crate::joint::rows::{Role, RowPlan};
 use crate::joints::Joints;

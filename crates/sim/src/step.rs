@@ -22,7 +22,7 @@ use crate::bodies::{Bodies, GRAIN};
 use crate::cache::{self, Pair};
 use crate::geometry::Geometry;
 use crate::input::{self, InputError};
-use crate::motion::{self, MOST_ARM_TURN, SubstepParams};
+use crate::motion::{self, SubstepParams};
 use crate::narrow_phase::{NarrowPhaseInput, PairWorker, closing, manifolds};
 use crate::patches::Shapes;
 use crate::report::{Stage, StageTimer, StepReport};
@@ -51,6 +51,10 @@ const REUSE: f32 = 0.25;
 /// `max_substeps` allows. A soft contact penetrates by about this distance for each body above it.
 /// At this fraction a tower of twenty bodies stands. \[1\]
 const MOST_FALL: f32 = 1.0 / 1024.0;
+
+/// In a substep no arm of a joint turns by more than this angle, as far as the setting `max_substeps`
+/// allows. \[rad\]
+const MOST_TURN: f64 = 0.1;
 
 
 /// A contact search and its part of the step.
@@ -141,7 +145,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let mut plan = self.build_rows(&search, same && !carried);
             timer.lap(Stage::Rows);
             let earlier = self.execution.saved.take();
-            self.take_substeps(&mut plan, &mut timer, &mut report);
+            if !self.take_substeps(&mut plan, &mut timer, &mut report) {
+                self.take_part_back();
+                plan = PartPlan { whole_system: true, ..self.build_rows(&search, false) };
+                self.take_substeps(&mut plan, &mut timer, &mut report);
+            }
             search.end_after(plan.params.substeps);
             search.turn_rate = plan.turn_rate;
             self.execution.keep_impacts(earlier);
@@ -223,8 +231,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if search.left == 0 {
             return false;
         }
-        if self.solver.joints.snapped() > 0 {
-            self.pair_again();
+        for index in 0..self.solver.joints.broken_before().len() {
+            self.pair_again(self.solver.joints.broken_before()[index]);
         }
         search.number += 1;
         search.taken += search.due;
@@ -245,9 +253,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn substeps_of_joints(&self, rate: f64, [dt, least]: [f32; 2]) -> u32 {
         let (joints, time) = (&self.solver.joints, f64::from(dt));
         let gravity = f64::from(self.gravity.length());
-        let turn = joints.largest_turn(&self.body_places(), [time, MOST_ARM_TURN], gravity);
+        let turn = joints.largest_turn(&self.body_places(), [time, MOST_TURN], gravity);
         let most = f64::from((dt / least).max(1.0));
-        (turn.max(rate * time) / MOST_ARM_TURN).ceil().min(most) as u32
+        (turn.max(rate * time) / MOST_TURN).ceil().min(most) as u32
     }
 
     /// Sets the number of substeps of a search to that which the motion of the bodies allows.
@@ -510,8 +518,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             gravity: self.gravity,
             repair: settings.repair_in(h),
             softness: settings.softness,
-            shortest: dt / settings.max_substeps as f32,
-            passed: 0.0,
             stretch: settings.stretch,
         };
         let joints = &self.solver.joints;
@@ -535,7 +541,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 || self.execution.recording
                 || joints.may_break(),
             may_end: number + 1 < most,
-            may_shorten: number + 1 < most && params.may_shorten() && !joints.is_idle(),
+            may_shorten: number + 1 < most
+                && h > 1.01 * dt / settings.max_substeps as f32
+                && !joints.is_idle(),
             turn_rate: 0.0,
         }
     }

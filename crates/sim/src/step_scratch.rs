@@ -1,7 +1,8 @@
 //! [`StepScratch`]: buffers that the stages of a step share.
 
-use drystone_solver::Velocity;
+use drystone_solver::{InverseMass, Velocity};
 
+use crate::bodies::SpinState;
 use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
 use crate::impulses::ImpulseRecord;
@@ -39,6 +40,7 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     /// Velocities, v*, displacements and gains by contacts at the start of a substep, if there are joints.
     pub(crate) start: [Vec<Velocity<f32, L, A>>; 4],
+    pub(crate) part: PartStart<G, L, A>,
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
     /// By body: true if it touches one without joints.
@@ -46,6 +48,27 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of the last step, if they are recorded.
     pub(crate) impulses: ImpulseRecord<L, A>,
+}
+
+/// The bodies at the start of a part that may be taken back.
+pub(crate) struct PartStart<G: Geometry<L, A>, const L: usize, const A: usize> {
+    pub(crate) poses: Vec<G::Pose>,
+    pub(crate) velocities: Vec<Velocity<f32, L, A>>,
+    pub(crate) contact_gains: Vec<Velocity<f32, L, A>>,
+    pub(crate) inverse_masses: Vec<InverseMass<f32, L, A>>,
+    pub(crate) spin_states: Vec<SpinState<A>>,
+}
+
+impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for PartStart<G, L, A> {
+    fn default() -> Self {
+        Self {
+            poses: Vec::new(),
+            velocities: Vec::new(),
+            contact_gains: Vec::new(),
+            inverse_masses: Vec::new(),
+            spin_states: Vec::new(),
+        }
+    }
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<G, L, A> {
@@ -66,6 +89,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             rests: Vec::new(),
             force_gains: Vec::new(),
             start: Default::default(),
+            part: PartStart::default(),
             touched: Vec::new(),
             met: Vec::new(),
             ledger: LedgerBuilder::default(),

@@ -5,6 +5,7 @@
 //! together through one substep after the other. It does so for stages that need the whole system:
 //! impacts, certificates, ledgers and saved systems.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 use drystone_solver::Contact;
@@ -44,7 +45,7 @@ pub(crate) struct PartPlan<const L: usize> {
     /// colliding need contacts.
     pub(crate) may_end: bool,
     /// True if a substep in which joints turn too far ends the part before it: those after it may be
-    /// shorter.
+    /// shorter. By batch, the part is then taken back, and all bodies take it together.
     pub(crate) may_shorten: bool,
     /// Rate at which joints turn in a substep that has been taken back. \[rad/s\]
     pub(crate) turn_rate: f64,
@@ -83,26 +84,28 @@ pub(crate) struct SubstepContext<'a, G: Geometry<L, A>, const L: usize, const A:
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L, A> {
     /// Adds v += M^-1 J^T gamma with the impulses of the previous substep, and keeps v*. Recomputes
-    /// J^T gamma from the contacts if J has been `renewed` since, if surfaces resist, and every
-    /// [`REFRESH_INTERVAL`] substeps. v* includes the torques of resistance. Returns true if any
+    /// J^T gamma from the contacts if J has been `renewed` since, if surfaces resist, if there are joints,
+    /// and every [`REFRESH_INTERVAL`] substeps. The old J^T gamma has the rounding errors of joints, too; a
+    /// solve to a tolerance takes them out. v* includes the torques of resistance. Returns true if any
     /// body rotates.
     pub(crate) fn warm_start(
         &mut self,
         substep: u32,
         renewed: bool,
-        params: &SubstepParams<L>,
+        plan: &PartPlan<L>,
     ) -> bool {
         let resists = self.contacts.has_surfaces();
         if resists {
             self.contacts.apply_resistance(self.bodies.velocities);
         }
-        if renewed || resists || substep.is_multiple_of(REFRESH_INTERVAL) {
+        let again = renewed || resists || !plan.solving && !self.joints.is_idle();
+        if again || substep.is_multiple_of(REFRESH_INTERVAL) {
             self.bodies.prospective.copy_from_slice(self.bodies.velocities);
             self.contacts.apply_impulses(self.bodies.velocities);
         } else {
             self.bodies.reapply_gains();
         }
-        self.bodies.offset_displacements(params)
+        self.bodies.offset_displacements(&plan.params)
     }
 
     /// Sweeps over the normals towards the targets. `turning` is true if any body rotates.
@@ -118,8 +121,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     /// Adds the velocities of belts to targets that have just been set.
     pub(crate) fn run_belts(&mut self, params: &SubstepParams<L>, substep: u32) {
         if self.contacts.has_surfaces() {
-            let time = params.passed + params.h * substep as f32;
-            self.contacts.run_belts(time, params.repair.stick_rate);
+            self.contacts.run_belts(params.h * substep as f32, params.repair.stick_rate);
         }
     }
 
@@ -198,48 +200,42 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     /// Writes the data that contacts pass to the next step to the cache.
     pub(crate) fn store_impulses(&mut self, params: &SubstepParams<L>) {
         if self.contacts.has_surfaces() {
-            self.contacts.carry_belts(params.passed + params.h * params.substeps as f32);
+            self.contacts.carry_belts(params.h * params.substeps as f32);
         }
         self.contacts.trace(self.bodies.displacements, params.repair.stick_rate);
     }
 
-    /// Takes the batch through all substeps.
-    fn run(&mut self, params: &SubstepParams<L>, clock: &mut StageTimer) {
-        let mut params = *params;
-        let (mut renewed, mut substep) = (false, 0);
-        while substep < params.substeps {
-            match self.substep((substep, renewed), &params, clock) {
-                Ok(now) => (renewed, substep) = (now, substep + 1),
-                Err(rate) => {
-                    params = params.shortened(substep, rate);
-                    self.joints.renew(&mut self.bodies, &params);
-                    (renewed, substep) = (true, 0);
-                }
+    /// Takes the batch through all substeps, unless one is `taken_back` in it or in another batch.
+    fn run(&mut self, plan: &PartPlan<L>, taken_back: &AtomicBool, clock: &mut StageTimer) {
+        let mut renewed = false;
+        for substep in 0..plan.params.substeps {
+            if !self.substep(plan, (substep, &mut renewed), clock) {
+                taken_back.store(true, Ordering::Relaxed);
+            }
+            if plan.may_shorten && taken_back.load(Ordering::Relaxed) {
+                return;
             }
         }
-        self.store_impulses(&params);
-        clock.lap(Stage::Remember);
+        // Otherwise the part may still be taken back.
+        if !plan.may_shorten {
+            self.store_impulses(&plan.params);
+            clock.lap(Stage::Remember);
+        }
     }
 
-    /// Takes the batch through one substep. Returns true if J of contacts has changed.
-    ///
-    /// # Errors
-    /// The rate at which joints would turn \[rad/s\], if that is too fast: the substep has been taken
-    /// back, and the rest is to have shorter ones.
+    /// Takes the batch through one substep. Returns false if joints would turn too far: the substep is to
+    /// be taken back.
     fn substep(
         &mut self,
-        (substep, renewed): (u32, bool),
-        params: &SubstepParams<L>,
+        plan: &PartPlan<L>,
+        (substep, renewed): (u32, &mut bool),
         clock: &mut StageTimer,
-    ) -> Result<bool, f64> {
-        let may_shorten = params.may_shorten() && !self.joints.is_idle();
-        if may_shorten {
-            self.bodies.keep_start();
-        }
+    ) -> bool {
+        let params = &plan.params;
         self.bodies.predict(params);
         clock.lap(Stage::Predict);
         self.joints.begin_springs(&mut self.bodies);
-        let turning = self.warm_start(substep, renewed, params);
+        let turning = self.warm_start(substep, *renewed, plan);
         clock.lap(Stage::WarmStart);
         self.joints.warm_start(&mut self.bodies, false);
         clock.lap(Stage::Joints);
@@ -247,31 +243,33 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         clock.lap(Stage::Solve);
         if !self.joints.is_idle() {
             self.solve_joints();
-            if may_shorten && let Some(rate) = self.joints.take_back(&mut self.bodies, params) {
-                return Err(rate);
+            if plan.may_shorten && self.joints.turn_rate(&self.bodies, params).is_some() {
+                return false;
             }
             self.joints.keep_solved(&mut self.bodies);
             clock.lap(Stage::Joints);
         }
         let Advanced { turned, fastest } = self.bodies.advance(params);
         clock.lap(Stage::Advance);
-        let renewed = turned && self.renew(params);
+        *renewed = turned && self.renew(params);
         self.joints.renew(&mut self.bodies, params);
-        self.relax((renewed, fastest), false, params, clock);
-        Ok(renewed)
+        self.relax((*renewed, fastest), false, params, clock);
+        true
     }
 
     /// Takes each batch through all substeps. Each thread takes a run of batches, unless one thread
-    /// solves all ([`LaneBatch::runs`]).
-    pub(crate) fn run_by_batch(self, params: &SubstepParams<L>, clock: &mut StageTimer) {
-        let (pool, runs) = (self.bodies.pool, self.contacts.runs());
-        let all = Mutex::new(clock.another());
+    /// solves all ([`LaneBatch::runs`]). Returns false if the part is to be taken back.
+    fn run_by_batch(self, plan: &PartPlan<L>, clock: &mut StageTimer) -> bool {
+        let (pool, joints) = (self.bodies.pool, &self.joints);
+        let runs = self.contacts.runs(|bodies| joints.work(bodies));
+        let (all, taken_back) = (Mutex::new(clock.another()), AtomicBool::new(false));
         pool.for_each(runs > 1, self.divide(runs), |run| {
             let (mut own, batches) = (clock.another(), run.count());
-            run.divide(batches).for_each(|mut batch| batch.run(params, &mut own));
+            run.divide(batches).for_each(|mut batch| batch.run(plan, &taken_back, &mut own));
             all.lock().unwrap_or_else(PoisonError::into_inner).join(&own);
         });
         clock.lap_as(&all.into_inner().unwrap_or_else(PoisonError::into_inner));
+        !taken_back.into_inner()
     }
 }
 
@@ -292,13 +290,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Divide for SubstepContex
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Takes the substeps of a part, and writes the data of contacts for the next step to the
-    /// cache. Where joints break the part may end early: the plan then has fewer substeps.
+    /// cache. Where joints break the part may end early: the plan then has fewer substeps. Returns false
+    /// if bodies must take the part together, and none is taken.
     pub(crate) fn take_substeps(
         &mut self,
         plan: &mut PartPlan<L>,
         timer: &mut StageTimer,
         report: &mut StepReport,
-    ) {
+    ) -> bool {
         if plan.whole_system {
             let (mut renewed, mut substep) = (false, 0);
             while substep < plan.params.substeps {
@@ -312,7 +311,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.record_pairs();
             timer.lap(Stage::Remember);
         } else {
-            self.context().run_by_batch(&plan.params, timer);
+            if plan.may_shorten {
+                self.keep_part();
+            }
+            if !self.context().run_by_batch(plan, timer) {
+                return false;
+            }
+            if plan.may_shorten {
+                self.context().store_impulses(&plan.params);
+                timer.lap(Stage::Remember);
+            }
         }
         self.solver.joints.end_part();
         let params = &plan.params;
@@ -320,6 +328,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         surfaces.take_back(&self.colliders, &self.contacts.pairs, lanes);
         let sweeps = if plan.solving { 1 } else { 1 + params.iterations };
         report.sweeps += (params.substeps * sweeps) as usize;
+        true
     }
 
     /// Returns all bodies and their contacts as one context.
@@ -333,6 +342,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let pool = &self.execution.pool;
         let bodies = MovingBodies::new(&mut self.bodies, of_bodies, start, pool);
         SubstepContext { contacts, joints: joints.batch(), bodies }
+    }
+
+    /// Computes J of the joints at the places of the bodies, for substeps with these parameters.
+    pub(crate) fn renew_joints(&mut self, params: &SubstepParams<L>) {
+        let SubstepContext { mut joints, mut bodies, .. } = self.context();
+        joints.renew(&mut bodies, params);
     }
 
     /// Takes all bodies through one substep: forces, impacts, contacts, motion, and the relaxing
@@ -359,22 +374,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         if plan.ledger {
             self.account(|ledger, solver, _| ledger.record_solution(&solver.system));
+            self.scratch.ledger.record_joints(self.solver.joints.ledger_rows());
         }
-        if !self.solver.joints.is_idle() {
-            if plan.ledger {
-                self.scratch.ledger.record_joints(self.solver.joints.ledger_rows());
-            }
-            let SubstepContext { mut joints, mut bodies, .. } = self.context();
-            joints.keep_solved(&mut bodies);
-        }
-        let Advanced { turned, fastest } = self.context().bodies.advance(params);
+        let mut context = self.context();
+        context.joints.keep_solved(&mut context.bodies);
+        let Advanced { turned, fastest } = context.bodies.advance(params);
         timer.lap(Stage::Advance);
         if plan.ledger {
             self.scratch.ledger.record_motion(&self.bodies.velocities);
         }
         *renewed = turned && self.context().renew(params);
-        self.renew_joints(&plan.params);
-        let params = &plan.params;
+        self.renew_joints(params);
         if (turned || !self.solver.joints.is_idle())
             && (plan.solving || plan.certified_substep.is_some())
         {
@@ -385,19 +395,23 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.context().relax((*renewed, fastest), plan.solving, params, timer);
         if plan.ledger {
-            let joints = &self.solver.joints;
-            self.scratch.ledger.record_joints(joints.spring_rows().chain(joints.ledger_rows()));
-            let gravity = self.gravity;
-            self.account(|ledger, solver, bodies| {
-                let ConstraintSolver { lanes, surfaces, system, .. } = solver;
-                surfaces.note(lanes);
-                ledger.end(bodies, gravity, (system, &surfaces.done), params.h);
-            });
+            self.end_ledger(params.h);
         }
         if self.execution.recording {
             self.record(|contact| contact.impulse[0]);
         }
         timer.lap(Stage::Relax);
+    }
+
+    /// Ends the ledger of a substep of `h` \[s\].
+    fn end_ledger(&mut self, h: f32) {
+        let (joints, gravity) = (&self.solver.joints, self.gravity);
+        self.scratch.ledger.record_joints(joints.spring_rows().chain(joints.ledger_rows()));
+        self.account(|ledger, solver, bodies| {
+            let ConstraintSolver { lanes, surfaces, system, .. } = solver;
+            surfaces.note(lanes);
+            ledger.end(bodies, gravity, (system, &surfaces.done), h);
+        });
     }
 
     /// Begins a substep: forces, impacts and the solve. Returns false if it has been taken back
@@ -425,7 +439,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.accelerate(plan, renewed, timer, report);
         let mut context = self.context();
         context.joints.begin_springs(&mut context.bodies);
-        let turning = context.warm_start(substep, renewed, &plan.params);
+        let turning = context.warm_start(substep, renewed, plan);
         if leads {
             let StepScratch { displacements, offsets, .. } = &mut self.scratch;
             offsets.iter_mut().zip(displacements).for_each(|(own, now)| *own = *now - *own);
@@ -449,8 +463,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         } else if plan.may_shorten
             && report.collisions == collisions
             && let SubstepContext { mut joints, mut bodies, .. } = self.context()
-            && let Some(rate) = joints.take_back(&mut bodies, &plan.params)
+            && let Some(rate) = joints.turn_rate(&bodies, &plan.params)
         {
+            joints.unstiffen(&mut bodies);
+            bodies.restore_start();
             (plan.turn_rate, plan.params.substeps) = (rate, substep);
             return false;
         }

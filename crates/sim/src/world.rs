@@ -596,7 +596,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         joints.slots.release(slot);
         joints.forget();
         self.definitions_changed();
-        self.pair_again();
+        self.pair_again(slot as u32);
     }
 
     /// Removes the joints of a body that is removed.
@@ -611,22 +611,22 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Recomputes which pairs of shapes joints keep from colliding, and which contacts they hold.
-    pub(crate) fn pair_again(&mut self) {
-        let Self { bodies, solver, .. } = self;
-        for slot in solver.joints.find_locked(|body| bodies.is_static(body)) {
-            for body in solver.joints.records[slot as usize].members() {
-                bodies.rebuild_contacts(body as usize);
-            }
+    /// Recomputes whether a joint keeps the shapes of its bodies from colliding, and holds their contacts.
+    pub(crate) fn pair_again(&mut self, slot: u32) {
+        let Self { bodies, solver, contacts, .. } = self;
+        let [separates, holds] = solver.joints.pair(slot, |body| bodies.is_static(body));
+        let record = &solver.joints.records[slot as usize];
+        if holds {
+            record.members().for_each(|body| bodies.rebuild_contacts(body as usize));
         }
-        if !self.solver.joints.find_separated() {
-            return;
-        }
-        for pair in &mut self.contacts.pairs {
-            if self.solver.joints.separates(pair.bodies) {
-                pair.separate();
-            } else if pair.is_separated() {
-                pair.clearance = 0.0;
+        let [a, b] = record.bodies;
+        for pair in contacts.pairs.iter_mut().filter(|_| separates) {
+            if pair.bodies == [a, b] || pair.bodies == [b, a] {
+                if solver.joints.separates(pair.bodies) {
+                    pair.separate();
+                } else if pair.is_separated() {
+                    pair.clearance = 0.0;
+                }
             }
         }
     }

@@ -275,6 +275,15 @@ impl<'a, const L: usize, const A: usize> MechanismBatch<'a, L, A> {
         (first, others)
     }
 
+    /// Returns the number of joints between bodies of a range, which cuts no mechanism.
+    pub fn count_in(&self, bodies: Range<usize>) -> usize {
+        let [start, end] = [bodies.start, bodies.end].map(|body| {
+            let next = self.mechanisms.partition_point(|of| of.first_body < body);
+            next.checked_sub(1).map_or(0, |last| self.mechanisms[last].joints.end)
+        });
+        end.saturating_sub(start.max(self.mechanisms.first().map_or(0, |of| of.joints.start)))
+    }
+
     /// Returns their number.
     pub fn count(&self) -> usize {
         self.mechanisms.len()

@@ -8,11 +8,11 @@ use drystone_solver::mechanism::{MechanismPart, of_batch};
 use drystone_solver::{Axis, InverseMass, Vector, Velocity};
 
 use super::coordinates::{JointPlaces, Place, Turn, Vec3, cross};
-use super::places::{BodyView, flattened, in_space};
+use super::places::{flattened, in_space};
 use super::record::{JointRecord, WORLD};
 use super::rows::{Motion, Role, RowParams, RowPlan, RowState};
 use super::tension::{self, Pulls};
-use crate::bodies::Inertia;
+use crate::bodies::{BodyView, Inertia};
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::ledger::JointRow;
 use crate::motion::{MovingBodies, SMALL_TURN};

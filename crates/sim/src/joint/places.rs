@@ -1,35 +1,11 @@
-//! [`BodyView`]: the bodies of a batch as joints see them: in space and in `f64`.
+//! Where the bodies of joints are, in space and in `f64`.
 
-use drystone_solver::mechanism::of_batch;
-use drystone_solver::{InverseMass, Mass, Vector, Velocity};
+use drystone_solver::{Vector, Velocity};
 
 use super::coordinates::{Place, Turn, Vec3};
 use super::record::WORLD;
-use crate::bodies::{BodyParams, SpinState};
+use crate::bodies::BodyView;
 use crate::geometry::Geometry;
-
-/// The bodies of a batch.
-pub(crate) struct BodyView<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
-    /// Index of the first body.
-    pub(crate) first: usize,
-    pub(crate) poses: &'a [G::Pose],
-    pub(crate) velocities: &'a [Velocity<f32, L, A>],
-    /// M^-1.
-    pub(crate) masses: &'a [InverseMass<f32, L, A>],
-    pub(crate) spin_states: &'a [SpinState<A>],
-    /// Displacements since the search. Without them bodies are where it found them.
-    pub(crate) displacements: &'a [Velocity<f32, L, A>],
-    /// Properties of all bodies.
-    pub(crate) properties: BodyParams<'a, L, A>,
-}
-
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Clone for BodyView<'_, G, L, A> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<G: Geometry<L, A>, const L: usize, const A: usize> Copy for BodyView<'_, G, L, A> {}
 
 pub(crate) fn in_space<const N: usize>(vector: Vector<f32, N>) -> Vec3 {
     let mut out = Vec3::ZERO;
@@ -46,30 +22,6 @@ pub(crate) fn place<G: Geometry<L, A>, const L: usize, const A: usize>(pose: &G:
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> BodyView<'_, G, L, A> {
-    /// Returns the index of a body in the batch. Bodies outside of it stand still.
-    pub(crate) fn index(&self, body: u32) -> Option<usize> {
-        let index = (body as usize).wrapping_sub(self.first);
-        (index < self.poses.len()).then_some(index)
-    }
-
-    /// Returns the velocity of a body.
-    #[inline(always)]
-    pub(crate) fn velocity(&self, body: u32) -> Velocity<f32, L, A> {
-        of_batch(self.velocities, self.first, body)
-    }
-
-    /// Returns M^-1 of a body.
-    #[inline(always)]
-    pub(crate) fn inverse_mass(&self, body: u32) -> InverseMass<f32, L, A> {
-        of_batch(self.masses, self.first, body)
-    }
-
-    /// Returns M of a body of the batch at its present pose. It is zero if the body is not dynamic, and
-    /// zero along infinite entries.
-    pub(crate) fn mass(&self, body: u32) -> Mass<L, A> {
-        self.properties.mass::<G>(body as usize, &self.poses[body as usize - self.first])
-    }
-
     /// Returns the rotation of a body of the batch.
     pub(crate) fn turn(&self, body: u32) -> Option<Turn> {
         Some(Turn::normalized(G::rotation(&self.poses[self.index(body)?])))

@@ -5,8 +5,8 @@ use drystone_solver::mechanism::MechanismPart;
 use drystone_solver::{InverseMass, Velocity};
 
 use super::linkage::Linkage;
-use super::places::BodyView;
 use super::rows::Role;
+use crate::bodies::BodyView;
 use crate::geometry::Geometry;
 use crate::ledger::JointRow;
 use crate::motion::MovingBodies;

@@ -4,9 +4,10 @@ use drystone_solver::Vector;
 
 use super::Coordinate;
 use super::coordinates::{RowCoordinate, Turn, Vec3, cross};
-use super::places::{BodyView, in_space};
+use super::places::in_space;
 use super::record::{JointRecord, WORLD};
 use super::rows::{Role, RowPlan};
+use crate::bodies::BodyView;
 use crate::geometry::Geometry;
 
 /// Part of the length of a rope from which on it is taut. \[1\]

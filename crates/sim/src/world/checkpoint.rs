@@ -286,7 +286,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         };
         self.contacts.pairs = pairs;
         self.solver.joints.load(&from.joints);
-        self.solver.joints.find_locked(|body| self.bodies.is_static(body));
+        for slot in 0..self.solver.joints.records.len() as u32 {
+            self.solver.joints.pair(slot, |body| self.bodies.is_static(body));
+        }
         for pair in &mut self.contacts.pairs {
             if self.solver.joints.separates(pair.bodies) {
                 pair.separate();

@@ -4,7 +4,7 @@
 use crate::common::*;
 use drystone::Dimension;
 use drystone::geometry::{Geometry, Particles, Rigid2, Rigid3};
-use drystone::{Motion, ParticleWorld3, StepSettings, World, World2, World3};
+use drystone::{Drive, Joint, Motion, ParticleWorld3, StepSettings, World, World2, World3};
 use drystone_solver::Vector;
 
 /// Hashes of the poses of small scenes after 100 steps. A change of the method changes them: the
@@ -213,5 +213,72 @@ fn bits_do_not_depend_on_batches() {
     let together = after(true, 1);
     for threads in 1..=3 {
         assert_eq!(after(false, threads), together, "{threads} threads");
+    }
+}
+
+/// Returns chains and pendulums above a floor, let go level, or at rest if they are `calm`. Some hang on
+/// kinematic carriers that were added long before. Bars fall into ropes, which then turn them.
+fn machines(calm: bool) -> World3 {
+    let material = surface(0.5, 0.0);
+    let mut world = world::<Rigid3, 3, 3>();
+    world.settings = StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() };
+    add_floor(&mut world, &material);
+    let place = |machine: usize| [(machine % 12) as f32 * 1.5, (machine / 12) as f32 * 2.5];
+    let along = if calm { [0.0, -0.4] } else { [0.4, 0.0] };
+    let mut carriers = Vec::new();
+    for machine in 0..96 {
+        let [x, z] = place(machine);
+        if machine % 24 == 0 {
+            let (there, rail) = (place(machine + 11), Rigid3::cuboid([0.1; 3]));
+            let rail = body(Motion::Kinematic, [there[0], 3.0, there[1]], rail, &material);
+            carriers.push(Some(world.add(moving(rail, [0.3, 0.0, 0.1])).unwrap()));
+        }
+        if machine % 7 == 3 {
+            let end = [x, 3.0, z];
+            let bar = dynamic([x + 0.05, 3.0, z], Rigid3::cuboid([0.05, 0.03, 0.03]), &material);
+            let bar = Some(world.add(bar).unwrap());
+            let length = 1.5 + 0.003 * machine as f64;
+            world.join(Joint::rope([bar, None], length).at(end)).unwrap();
+            continue;
+        }
+        let mut above = if machine % 24 == 11 { carriers[machine / 24] } else { None };
+        for link in 0..5 {
+            let way = [0.0, 0.5].map(|part| link as f32 + part);
+            let [at, center] = way.map(|way| [x + along[0] * way, 3.0 + along[1] * way, z]);
+            let thick = 0.02 + 0.005 * (machine % 5) as f32;
+            let half = if calm { [thick, 0.17, 0.03] } else { [0.17, thick, 0.03] };
+            let bar = Some(world.add(dynamic(center, Rigid3::cuboid(half), &material)).unwrap());
+            let hinge = Joint::hinge([bar, above]).at(at).about([0.0, 0.3, 1.0]);
+            let joint = match (machine + link) % 4 {
+                0 => Joint::ball([bar, above]).at(at),
+                1 => hinge.limits(-0.9..=0.7),
+                2 => hinge.drive(Drive::spring(0.2, 3.0, 0.01)),
+                _ => hinge,
+            };
+            world.join(joint).unwrap();
+            above = bar;
+        }
+    }
+    world
+}
+
+/// So do joints, with the same numbers of substeps. A part in which a batch turns too far is taken back,
+/// and bodies take it together.
+#[test]
+fn bits_of_joints_do_not_depend_on_batches() {
+    for (calm, steps) in [(false, 40), (true, 40)] {
+        let after = |ledger: bool, threads: usize| {
+            let mut world = machines(calm);
+            world.settings.ledger = ledger;
+            world.set_threads(threads);
+            let substeps: Vec<_> = (0..steps).map(|_| world.step(DT).unwrap().substeps).collect();
+            (hash(&world), substeps)
+        };
+        let together = after(true, 1);
+        let [least, most] = [together.1.iter().min(), together.1.iter().max()];
+        assert!(least < most, "joints turn slowly: {least:?} substeps");
+        for threads in 1..=3 {
+            assert_eq!(after(false, threads), together, "{threads} threads");
+        }
     }
 }

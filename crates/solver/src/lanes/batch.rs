@@ -82,14 +82,23 @@ impl<'a, const L: usize, const A: usize> LaneBatch<'a, L, A> {
     }
 
     /// Returns the number of parts into which its thread pool should divide it: one for each
-    /// thread. It is only one if there is too little work, or if the largest part would take much
-    /// longer than its share.
-    pub fn runs(&self) -> usize {
-        let (all, threads) = (self.size(), self.pool.threads());
-        let mut runs = self.extents.chunks(self.count().div_ceil(threads).max(1));
-        let blocks = |run: &[BatchRange]| run.iter().map(|of| of.blocks.len()).sum::<usize>();
-        let is_even = runs.all(|run| 4 * blocks(run) * threads <= 5 * all);
-        if is_even && self.pool.is_useful(all) { threads } else { 1 }
+    /// thread; one for each batch if these parts are uneven; only one if there is too little work, or
+    /// if the largest batch would take much longer than the share of a thread. `more` returns how much
+    /// a range of bodies takes besides its blocks, which count 1.
+    pub fn runs(&self, more: impl Fn(Range<usize>) -> usize) -> usize {
+        let threads = self.pool.threads();
+        let work = |of: &BatchRange| of.blocks.len() + more(of.bodies.clone());
+        let sum = |run: &[BatchRange]| run.iter().map(work).sum::<usize>();
+        let all = sum(self.extents);
+        let are_even = |size: usize| {
+            self.extents.chunks(size).all(|run| 4 * sum(run) * threads <= 5 * all)
+        };
+        match () {
+            () if !self.pool.is_useful(all) => 1,
+            () if are_even(self.count().div_ceil(threads).max(1)) => threads,
+            () if are_even(1) => self.count(),
+            () => 1,
+        }
     }
 }
 

@@ -135,7 +135,7 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
     ) {
         let softness = self.softness.unwrap_or_default();
         let whole = self.whole(&mut []);
-        let (pool, runs) = (whole.pool, whole.runs());
+        let (pool, runs) = (whole.pool, whole.runs(|_| 0));
         pool.for_each(runs > 1, whole.divide(runs), |mut run| {
             let LaneBatch { coloring, passes, .. } = run;
             // Several batches need no strips, since each fits into the cache.
