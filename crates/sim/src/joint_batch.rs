@@ -106,7 +106,9 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     ) {
         bodies.spring_gains.fill(Velocity::ZERO);
         for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
-            linkage.begin_springs(bodies, &part);
+            if linkage.has_springs {
+                linkage.begin_springs(bodies, &part);
+            }
         }
     }
 
@@ -116,7 +118,9 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         bodies: &mut MovingBodies<'_, G, L, A>,
     ) {
         for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
-            linkage.end_springs(bodies, &part);
+            if linkage.has_springs {
+                linkage.end_springs(bodies, &part);
+            }
         }
     }
 

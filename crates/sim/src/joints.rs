@@ -25,10 +25,6 @@ const LEAST_GRAVITY: f64 = 9.81;
 /// Speed of a body below which it counts as resting for its contacts. \[m/s\]
 const RESTING: f32 = 0.05;
 
-/// Number of substeps in which a mechanism that falls gets so fast that its joints no longer relax before
-/// contacts, in a solve to a tolerance. Without that, what rests on contacts has the velocity of one. \[1\]
-const SETTLING: f32 = 10.0;
-
 /// State of joints between two steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -263,11 +259,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 
     /// Finds for each body with joints whether it rests, with all that are joined to it; and which
-    /// mechanisms lead, for substeps in which bodies gain the speed `gain` by gravity. \[m/s\]
+    /// mechanisms lead.
     pub(crate) fn find_resting<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
-        gain: f32,
         rests: &mut Vec<Option<bool>>,
     ) {
         rests.clear();
@@ -278,11 +273,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let turn = velocity.angular.dot(velocity.angular) * reach * reach;
             velocity.linear.dot(velocity.linear) + turn
         };
-        let slow = RESTING + SETTLING * gain;
         for linkage in &mut self.linkages {
             let fastest = linkage.members.iter().map(squared_speed).fold(0.0, f32::max);
-            linkage.leads = linkage.meets && fastest <= slow * slow;
             let all_rest = fastest <= RESTING * RESTING;
+            linkage.leads = linkage.meets && all_rest;
             for body in linkage.members.iter().map(|&body| body as usize) {
                 rests[body] = Some(all_rest && bodies.inverse_masses[body] != InverseMass::FIXED);
             }

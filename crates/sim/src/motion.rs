@@ -7,7 +7,9 @@ use drystone_solver::kinematics;
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Repair, SymmetricMatrix, Vector, Velocity};
 
-use crate::bodies::{Bodies, BodyParams, BodyView, GRAIN, Inertia, SearchMotion, SpinState, damped};
+use crate::bodies::{
+    Bodies, BodyParams, BodyView, GRAIN, Inertia, SearchMotion, SpinState, damped,
+};
 use crate::geometry::{Frame, Geometry, PRECESS_LANES, Precession, Spin};
 
 /// Number of bodies per chunk. In each chunk, the precessing bodies are collected before they are

@@ -56,7 +56,6 @@ const MOST_FALL: f32 = 1.0 / 1024.0;
 /// allows. \[rad\]
 const MOST_TURN: f64 = 0.1;
 
-
 /// A contact search and its part of the step.
 #[derive(Clone, Copy, Debug)]
 struct Search {
@@ -582,15 +581,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (velocities, whole_system) = (&bodies.velocities, plan.whole_system);
         let in_order = plan.solving || self.settings.certify;
         let (same, couplings) = (same && !rejoined, joints.couplings());
-        let rows = CacheSource {
-            cache,
-            velocities,
-            stiffness,
-            couplings,
-            same,
-            whole_system,
-            in_order,
-        };
+        let rows =
+            CacheSource { cache, velocities, stiffness, couplings, same, whole_system, in_order };
         lanes.pack(&rows, &bodies.inverse_masses, self.settings.softness);
         let (of, moving) =
             ((&self.colliders, bodies, &*carriers), (bodies.velocities.as_slice(), dt));

@@ -88,12 +88,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     /// and every [`REFRESH_INTERVAL`] substeps. The old J^T gamma has the rounding errors of joints, too; a
     /// solve to a tolerance takes them out. v* includes the torques of resistance. Returns true if any
     /// body rotates.
-    pub(crate) fn warm_start(
-        &mut self,
-        substep: u32,
-        renewed: bool,
-        plan: &PartPlan<L>,
-    ) -> bool {
+    pub(crate) fn warm_start(&mut self, substep: u32, renewed: bool, plan: &PartPlan<L>) -> bool {
         let resists = self.contacts.has_surfaces();
         if resists {
             self.contacts.apply_resistance(self.bodies.velocities);
@@ -333,8 +328,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Returns all bodies and their contacts as one context.
     pub(crate) fn context(&mut self) -> SubstepContext<'_, G, L, A> {
-        let StepScratch { prospective, displacements, spring_gains, start, .. } =
-            &mut self.scratch;
+        let StepScratch { prospective, displacements, spring_gains, start, .. } = &mut self.scratch;
         let ConstraintSolver { lanes, joints, .. } = &mut self.solver;
         let contacts = lanes.whole(&mut self.contacts.cache.impulses);
         let of_bodies = [prospective, displacements, spring_gains].map(Vec::as_mut_slice);
@@ -433,8 +427,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let StepScratch { displacements, offsets, before, rests, .. } = &mut self.scratch;
             offsets.clone_from(displacements);
             before.clone_from(&self.bodies.velocities);
-            let gain = self.gravity.length() * plan.params.h;
-            self.solver.joints.find_resting(&self.bodies, gain, rests);
+            self.solver.joints.find_resting(&self.bodies, rests);
         }
         self.accelerate(plan, renewed, timer, report);
         let mut context = self.context();

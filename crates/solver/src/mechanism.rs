@@ -222,7 +222,7 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
     /// Returns all of them as one batch.
     pub fn batch(&mut self) -> MechanismBatch<'_, L, A> {
         let Self { joints, axes, mechanisms, pool } = self;
-        MechanismBatch { first: 0, joints, axes, mechanisms, pool: &**pool }
+        MechanismBatch { first: 0, joints, axes, mechanisms, pool }
     }
 
     /// Takes the present masses of the bodies, and drops the factors of H. To be called after a

@@ -105,8 +105,9 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// q of each row of a joint, and the angles with their turns of each axis. \[m, or rad\]
     values: Vec<f64>,
     turns: Vec<[f64; 2]>,
-    /// [Standing springs](super::rows) at the start of a substep and at its end, by the index of their
+    /// True if it has springs. [Those that stand](super::rows) at the start of a substep and at its end, by the index of their
     /// joint; and by member the wrenches of springs. \[N s, N m s\]
+    pub(crate) has_springs: bool,
     pub(crate) springs: [Vec<(usize, JointRow<L, A>)>; 2],
     pub(crate) wrenches: Vec<Velocity<f64, L, A>>,
     /// Pulls: of each its member, its arm and the impulse \[m, N s\]; and those on each member.
@@ -151,11 +152,13 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         (slots, records): (&[u32], &[JointRecord]),
         [mass, gravity]: [f64; 2],
     ) -> Self {
-        let members = part.bodies().to_vec();
+        let own = slots.iter().map(|&slot| records[slot as usize].clone());
+        let (members, records) = (part.bodies().to_vec(), own.collect::<Vec<_>>());
         let (count, rows) = (members.len(), part.axes.len());
         Self {
             slots: slots.to_vec(),
-            records: slots.iter().map(|&slot| records[slot as usize].clone()).collect(),
+            has_springs: records.iter().flat_map(|of| &of.rows).any(|row| row.role.is_spring()),
+            records,
             step: 0.0,
             substep: 0.0,
             snapped: Vec::new(),
@@ -268,8 +271,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         let ([low, high], has_loops) = (self.extent(at), self.has_loops(at));
         let mut axes = part.axes.iter();
         let places = self.sides.iter().zip(&self.arms);
-        for ((joint, record), (sides, arms)) in part.joints.iter().zip(&self.records).zip(places)
-        {
+        for ((joint, record), (sides, arms)) in part.joints.iter().zip(&self.records).zip(places) {
             let first = record.first_side();
             let anchor = self.here[sides[first]].position + arms[first];
             let reach = from_fn(|i| (anchor[i] - low[i]).max(high[i] - anchor[i]).max(0.0));

@@ -358,18 +358,17 @@ impl Role {
         let RowParams { h, repair: [share, speed], .. } = *params;
         // The part of the path that velocities alone do not tell.
         let curve = at.rate - (at.end - at.value) / h;
-        let repaired = |gap: f64| (share * gap).clamp(-speed * h, speed * h);
+        let repaired = |share: f64, gap: f64| (share * gap).max(-speed * h).min(speed * h);
         let compliance = self.compliance(params);
         let spring = self.spring(params).map(|of| [of.gain, of.drift]);
         let [gain, drift] = spring.unwrap_or([0.0, self.motor().unwrap_or(0.0)]);
         let (targets, bounds) = match self {
-            Self::Lock(value, None) => ([curve - repaired(at.value - value) / h; 2], ANY),
+            Self::Lock(value, None) => ([curve - repaired(share, at.value - value) / h; 2], ANY),
             Self::Lock(value, Some(_)) => ([curve + gain * (value - at.value); 2], ANY),
             Self::Limit([low, high], None) => {
                 let share = params.damped_limit()[1];
-                let repaired = |gap: f64| (share * gap).clamp(-speed * h, speed * h);
-                let up = (low - at.value).min(repaired((low - at.value).max(0.0)));
-                let down = (high - at.value).max(repaired((high - at.value).min(0.0)));
+                let up = (low - at.value).min(repaired(share, (low - at.value).max(0.0)));
+                let down = (high - at.value).max(repaired(share, (high - at.value).min(0.0)));
                 ([curve + up / h, curve + down / h], ANY)
             }
             Self::Limit([low, high], Some(_)) => {

@@ -74,8 +74,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     /// 0, or at its end, 1.
     ///
     /// One that turns a body is counted up to [`MOST_TURNED`], one that pushes a body which others touch
-    /// up to [`MOST_PUSHED`]. One that a limit holds does not count: a servo that presses on it does not
-    /// move.
+    /// up to [`MOST_PUSHED`].
     fn find_standing<G: Geometry<L, A>>(
         &mut self,
         when: usize,
@@ -93,12 +92,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                     continue;
                 }
                 let impulse = plan.role.standing(state.value, state.solved, params);
-                let held = record.rows.iter().zip(&record.states).any(|(other, state)| {
-                    other.axis == plan.axis
-                        && matches!(other.role, Role::Limit(_, None))
-                        && state.solved * impulse < 0.0
-                });
-                if impulse == 0.0 || held {
+                if impulse == 0.0 {
                     continue;
                 }
                 // Parts of the largest gains that count, per impulse.

@@ -90,9 +90,8 @@ impl<'a, const L: usize, const A: usize> LaneBatch<'a, L, A> {
         let work = |of: &BatchRange| of.blocks.len() + more(of.bodies.clone());
         let sum = |run: &[BatchRange]| run.iter().map(work).sum::<usize>();
         let all = sum(self.extents);
-        let are_even = |size: usize| {
-            self.extents.chunks(size).all(|run| 4 * sum(run) * threads <= 5 * all)
-        };
+        let are_even =
+            |size: usize| self.extents.chunks(size).all(|run| 4 * sum(run) * threads <= 5 * all);
         match () {
             () if !self.pool.is_useful(all) => 1,
             () if are_even(self.count().div_ceil(threads).max(1)) => threads,

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use drystone::geometry::Rigid3;
-use drystone::{Breaking, Coordinate, Drive, Joint, JointAxis, Softness, World};
+use drystone::{Breaking, Coordinate, Drive, Joint, JointAxis, Material, Motion, Softness, World};
 
 use super::*;
 
@@ -322,6 +322,46 @@ fn heavy_on_a_spring_over_light_stands() {
             let at = place(&world, top);
             preset.below(&format!("way aside of {name}"), f64::from(at[0].hypot(at[2])), 5e-3);
         }
+    }
+}
+
+/// A net of 81 light balls between stretched springs, which no substep resolves, catches 2 kg. Nothing gets
+/// faster than the fall lets it.
+#[test]
+fn a_sprung_net_catches_a_ball() {
+    const SIDE: usize = 9;
+    for preset in Preset::both() {
+        let mut world: World3 = preset.world();
+        let material = Material::default();
+        let mut balls = Vec::new();
+        for (i, j) in (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| (i, j))) {
+            let at = [0.12 * i as f32, 1.0, 0.12 * j as f32];
+            let is_rim = [i, j].iter().any(|own| [0, SIDE - 1].contains(own));
+            let mut ball = dynamic(at, Rigid3::ball(0.02), &material);
+            ball.motion = if is_rim { Motion::Static } else { Motion::Dynamic };
+            ball.colliders[0].density = 0.05 / (4.0 / 3.0 * std::f32::consts::PI * 0.02f32.powi(3));
+            balls.push((world.add(ball).unwrap(), is_rim));
+        }
+        let pairs = (0..SIDE * SIDE).flat_map(|own| {
+            let right = (own % SIDE + 1 < SIDE).then_some([own, own + 1]);
+            [right, (own + SIDE < SIDE * SIDE).then_some([own, own + SIDE])]
+        });
+        let center = Rigid3::turned([0.0; 3], 0.0);
+        for [a, b] in pairs.flatten().filter(|pair| !pair.iter().all(|&own| balls[own].1)) {
+            let spring = Drive::spring(0.11, 2e4, 2.83);
+            let joint = Joint::spring([a, b].map(|own| Some(balls[own].0)), spring);
+            world.join(joint.in_bodies([center, center])).unwrap();
+        }
+        let mut load = dynamic([0.48, 1.6, 0.48], Rigid3::ball(0.25), &material);
+        load.inertia = Some(inertia(2.0, [0.05; 3]));
+        world.add(load).unwrap();
+        let fall = 2.0 * ACCELERATION * (0.6 - 0.27);
+        let mut most = 0.0f64;
+        for _ in 0..90 {
+            world.step(DT).unwrap();
+            most = most.max(world.measure().kinetic_energy);
+        }
+        preset.below("kinetic energy of a net and its load", most, 1.05 * fall);
     }
 }
 
