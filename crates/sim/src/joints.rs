@@ -31,7 +31,8 @@ const RESTING: f32 = 0.05;
 pub(crate) struct SavedJoints {
     generations: Vec<u32>,
     broken: Vec<bool>,
-    /// By joint: q and the impulses of each row, then the turns of each axis, its pulls and its load.
+    /// By joint: q and the impulses of each row, then the turns of each axis, its pulls and its load, and
+    /// the frames from which a gear counts.
     pub(crate) numbers: Vec<f64>,
     last_step: f64,
     substep: f64,
@@ -311,7 +312,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             let load = record.load.iter().flatten().flat_map(|of| of.0);
             let states = record.states.iter().flat_map(of);
             let turns = record.turns.iter().flatten().copied();
-            states.chain(turns).chain(record.pulls).chain(load).collect::<Vec<_>>()
+            let spins = record.counts_spin().then_some(record.origin.start);
+            let spins = spins.into_iter().flatten().flat_map(|start| start.turn.0);
+            states.chain(turns).chain(record.pulls).chain(load).chain(spins).collect::<Vec<_>>()
         };
         SavedJoints {
             generations: self.slots.generations().to_vec(),
@@ -325,7 +328,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     /// Returns true if a state is one of these joints.
     pub(crate) fn fits(&self, from: &SavedJoints) -> bool {
         let numbers = |(_, record): (usize, &JointRecord)| {
-            4 * record.states.len() + 2 * record.turns.len() + 14
+            let spins = if record.counts_spin() { 8 } else { 0 };
+            4 * record.states.len() + 2 * record.turns.len() + 14 + spins
         };
         self.slots.generations() == from.generations
             && self.taken().count() == from.broken.len()
@@ -353,6 +357,11 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             record.turns.iter_mut().for_each(|turns| *turns = [next(), next()]);
             record.pulls = [next(), next()];
             record.load = [0, 1].map(|_| [0, 1].map(|_| Vector([next(), next(), next()])));
+            if record.counts_spin() {
+                for start in &mut record.origin.start {
+                    start.turn = Turn([next(), next(), next(), next()]);
+                }
+            }
         }
         (self.last_step, self.substep) = (from.last_step, from.substep);
         self.forget();

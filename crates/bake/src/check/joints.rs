@@ -171,7 +171,7 @@ impl JointAt<'_> {
         })
     }
 
-    /// Finds a body that turns and bears one of a gear or a rack, which measures against the world.
+    /// Finds a body that turns and bears one of a gear or a rack, which counts its rotation, too.
     fn housing(&self, standing: &[bool]) -> Option<Finding> {
         if !self.joint.axes.iter().any(is_geared) {
             return None;
@@ -192,8 +192,8 @@ impl JointAt<'_> {
                 [0.0; 2],
                 |name| format!("{name} turns bodies that {holder} holds, which moves"),
                 "bodies held by the world, or by one that stands still",
-                "it measures angles in the world, not in its housing: fix the housing, or drive each \
-                 body by a motor",
+                "it counts the rotation of the housing about its axis, too: fix the housing, or drive \
+                 each body by a motor",
             )
         })
     }
@@ -264,7 +264,7 @@ fn locked_rotations(joint: &Joint) -> usize {
     if joint.enabled { joint.axes.iter().filter(locks).count() } else { 0 }
 }
 
-/// Returns true for a coordinate of rotations that are measured in the world.
+/// Returns true for a coordinate of rotations that are not measured against another body.
 fn is_geared(axis: &JointAxis) -> bool {
     matches!(axis.coordinate, Coordinate::Gear { .. } | Coordinate::Rack { .. })
 }

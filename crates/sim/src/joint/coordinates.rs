@@ -162,6 +162,10 @@ impl RowCoordinate {
 }
 
 /// The frames of a joint when its bodies were joined, and the axis of its gears.
+///
+/// Gears count how far bodies spin about their own axes, the integral of omega . axis. A twist between two
+/// rotations has no value where the axis is turned back. So the frames from which gears count
+/// [follow](JointPlaces::unspun) the axes.
 #[derive(Clone, Debug)]
 pub(crate) struct JointOrigin {
     /// Frames a and b in the world when the bodies were joined.
@@ -297,6 +301,16 @@ impl<'a> JointPlaces<'a> {
         };
         let rows = [momentum(self.centers[0], 1.0), momentum(self.centers[1], -1.0)];
         Evaluated { reading, rows }
+    }
+
+    /// Returns the rotations of both frames without their spin about the axis of gears since the start.
+    pub(crate) fn unspun(&self) -> [Turn; 2] {
+        let JointOrigin { start, gear_axis } = self.origin;
+        [0, 1].map(|side: usize| {
+            let turn = &self.frames[side].turn;
+            let (angle, _) = twist(&start[side].turn.inverse().of(turn), *gear_axis);
+            turn.of(&Turn::by(*gear_axis * -angle))
+        })
     }
 
     /// Measures a coordinate of frame a in frame b.

@@ -253,8 +253,12 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 }
             }
             record.count_turns(&places, turns);
+            let unspun = record.counts_spin().then(|| places.unspun());
             record.states.iter_mut().zip(&*values).for_each(|(own, q)| own.value = *q);
             record.turns.copy_from_slice(turns);
+            for (start, turn) in record.origin.start.iter_mut().zip(unspun.into_iter().flatten()) {
+                start.turn = turn;
+            }
         }
         self.soften(at, part, [self.substep, stretch, speed]);
         part.renew_prepared(at.masses);

@@ -40,6 +40,12 @@ impl JointRecord {
         self.states.copy_from_slice(&from.states);
         self.turns.copy_from_slice(&from.turns);
         (self.pulls, self.load, self.broken) = (from.pulls, from.load, from.broken);
+        self.origin.start = from.origin.start;
+    }
+
+    /// Returns true if a gear counts the spin of its bodies.
+    pub(crate) fn counts_spin(&self) -> bool {
+        self.axes.iter().any(|axis| matches!(axis.coordinate, Coordinate::Gear { .. }))
     }
 
     /// Scales the impulses of the last substep.

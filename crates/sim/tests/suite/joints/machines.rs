@@ -288,6 +288,45 @@ fn gears_racks_and_screws_accelerate_and_keep_their_ratio() {
     }
 }
 
+/// Two wheels with a gear on a housing that a motor yaws, or that tumbles end over end across their axis:
+/// their angles keep the ratio over several turns of the housing.
+#[test]
+fn gears_hold_on_housings_that_turn() {
+    for preset in Preset::both() {
+        for (ratio, about) in
+            [(1.0, [0.0f32, 1.0, 0.0]), (-2.5, [0.0, 0.6, 0.8]), (3.0, [0.0, 0.0, 1.0])]
+        {
+            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let housing = world.add(ghost([0.0; 3], block(20.0, [0.3, 0.3, 0.3]))).unwrap();
+            let hinge = Joint::hinge([Some(housing), None]).about(about);
+            let turned = world.join(hinge.drive(Drive::velocity(3.0))).unwrap();
+            let spin = [0.0, 1.0].map(|part: f64| if part == 0.0 { 8.0 } else { -8.0 / ratio });
+            let parts = [0, 1].map(|side: usize| {
+                let x = [-0.2, 0.2][side];
+                let mut wheel = ghost([x, 0.0, 0.0], block(1.0, [0.05, 0.1, 0.1]));
+                // The wheels start with the housing at rest.
+                wheel.velocity.angular = Vector([spin[side] as f32, 0.0, 0.0]);
+                let wheel = world.add(wheel).unwrap();
+                let joint = Joint::hinge([Some(wheel), Some(housing)]).at([x as f32, 0.0, 0.0]);
+                (wheel, world.join(joint).unwrap())
+            });
+            let axis = JointAxis::locked(Coordinate::Gear { ratio }, 0.0);
+            let gear = Joint::general(parts.map(|(wheel, _)| Some(wheel)), vec![axis]);
+            world.join(gear).unwrap();
+            let mut worst = 0.0f64;
+            for _ in 0..360 {
+                world.step(DT).unwrap();
+                let [a, b] = parts.map(|(_, joint)| value(&world, joint));
+                worst = worst.max((a + ratio * b).abs());
+            }
+            let name = format!("gear {ratio} on a housing about {about:?}");
+            let turns = value(&world, turned);
+            assert!(turns.abs() > 15.0, "{name}: {turns} rad");
+            preset.below(&name, worst, 2e-3);
+        }
+    }
+}
+
 fn gears(preset: &Preset, ratio: f64) {
     let mut world: World<Rigid3, 3, 3> = preset.weightless();
     let wheels = [(0.0, 0.1), (1.0, 0.4)].map(|(z, moment)| {
