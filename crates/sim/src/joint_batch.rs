@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use drystone_solver::mechanism::MechanismBatch;
+use drystone_solver::mechanism::{MechanismBatch, MechanismPart};
 use drystone_solver::{InverseMass, Velocity};
 
 use crate::geometry::{Frame, Geometry};
@@ -105,11 +105,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         bodies: &mut MovingBodies<'_, G, L, A>,
     ) {
         bodies.spring_gains.fill(Velocity::ZERO);
-        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
-            if linkage.has_springs {
-                linkage.begin_springs(bodies, &part);
-            }
-        }
+        self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part));
     }
 
     /// Ends the springs that stood at the start of the substep, and those that stand now.
@@ -117,11 +113,13 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
     ) {
-        for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
-            if linkage.has_springs {
-                linkage.end_springs(bodies, &part);
-            }
-        }
+        self.sprung().for_each(|(part, linkage)| linkage.end_springs(bodies, &part));
+    }
+
+    /// Returns the mechanisms with springs.
+    fn sprung(&mut self) -> impl Iterator<Item = (MechanismPart<'_, L, A>, &mut Linkage<L, A>)> {
+        let all = self.mechanisms.parts().zip(self.linkages.iter_mut());
+        all.filter(|(_, linkage)| linkage.has_springs)
     }
 
     /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.

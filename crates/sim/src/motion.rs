@@ -59,8 +59,8 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
     /// Velocities that springs give to bodies in the substep, if there are joints.
     pub(crate) spring_gains: &'a mut [Velocity<f32, L, A>],
-    /// What a substep changes before bodies move, as it was at its start, if there are joints
-    /// (`retake.rs`).
+    /// Velocities, v*, displacements and gains by contacts at the start of the substep, if there are joints:
+    /// it may be [taken back](Self::restore_start).
     pub(crate) start: [&'a mut [Velocity<f32, L, A>]; 4],
     /// M^-1 J^T gamma of the last warm start.
     pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],

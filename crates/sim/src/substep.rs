@@ -409,7 +409,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     }
 
     /// Begins a substep: forces, impacts and the solve. Returns false if it has been taken back
-    /// (`retake.rs`).
+    /// ([`JointBatch::turn_rate`]).
     fn begin_substep(
         &mut self,
         plan: &mut PartPlan<L>,
