@@ -228,6 +228,9 @@ fn machines(calm: bool) -> World3 {
     let mut carriers = Vec::new();
     for machine in 0..96 {
         let [x, z] = place(machine);
+        // Crates that slide bear on the floor while parts are taken back.
+        let sliding = dynamic([x, 0.15, z + 1.0], Rigid3::cuboid([0.15; 3]), &material);
+        world.add(moving(sliding, [0.5, 0.0, 0.2])).unwrap();
         if machine % 24 == 0 {
             let (there, rail) = (place(machine + 11), Rigid3::cuboid([0.1; 3]));
             let rail = body(Motion::Kinematic, [there[0], 3.0, there[1]], rail, &material);
