@@ -201,10 +201,6 @@ impl SolveReport {
 /// Smallest limit of [`nncg`] iterations in lanes before Newton's method takes over an island.
 const IN_LANES: usize = 256;
 
-/// Limit of the iterations of an island with joints. A visit of its mechanisms costs a fraction of an
-/// iteration of Newton's method.
-const WITH_JOINTS: usize = 6;
-
 /// Limit of the iterations of a large island, per body: factoring its matrix takes longer than that
 /// many sweeps. Convergence is not judged for a quarter of the iterations beyond [`IN_LANES`],
 /// because the bound of many contacts decreases in jumps.
@@ -259,6 +255,12 @@ pub struct IslandSolver<const L: usize, const A: usize> {
     done: Vec<bool>,
     /// True for each island with joints.
     jointed: Vec<bool>,
+    /// Island of each mechanism, and whether it is still open.
+    of_mechanisms: Vec<u32>,
+    due: Vec<bool>,
+    /// For each row of a joint, the impulse before the sweep, and the search direction p.
+    before: Vec<f64>,
+    directions: Vec<f64>,
     errors: Vec<f64>,
     /// Mass \[kg\] and mass-weighted root-mean-square speed \[m/s\] of each island at the last
     /// [`start`](Self::start).
@@ -278,6 +280,10 @@ impl<const L: usize, const A: usize> Default for IslandSolver<L, A> {
             scratch: CertificateScratch::default(),
             done: Vec::new(),
             jointed: Vec::new(),
+            of_mechanisms: Vec::new(),
+            due: Vec::new(),
+            before: Vec::new(),
+            directions: Vec::new(),
             errors: Vec::new(),
             masses: Vec::new(),
             speeds: Vec::new(),
@@ -384,6 +390,13 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
                 *jointed = true;
             }
         }
+        let pairs = joints.pairs();
+        self.of_mechanisms.clear();
+        self.of_mechanisms.extend(pairs.map(|bodies| islands.of_pair(bodies)));
+        for of_rows in [&mut self.before, &mut self.directions] {
+            of_rows.clear();
+            of_rows.resize(joints.axes.len(), 0.0);
+        }
         self.errors.clear();
         self.errors.resize(islands.count, f64::INFINITY);
         let most = goal.tolerance;
@@ -411,7 +424,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         let mut before = Vec::new();
         while self.done.contains(&false) {
             let longest = LONGEST.max(outcome.iterations / 4);
-            let (due, size) = self.iterate(velocities, (lanes, joints), longest);
+            let (due, size) = self.iterate(velocities, (lanes, joints), islands, longest);
             outcome.iterations += due;
             before.clone_from(&self.errors);
             self.certify::<RESIDUALS>(velocities, (lanes, joints), prospective, islands, outcome);
@@ -427,10 +440,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
                     worst = worst.max(error / aim);
                     // Joints without contacts are solved by their one visit.
                     let stands = jointed && size == 0.0;
-                    let hopeless = match jointed {
-                        true => outcome.iterations >= WITH_JOINTS,
-                        false => is_hopeless([before, error], made, limit, aim),
-                    };
+                    let hopeless = is_hopeless([before, error], made, limit, aim);
                     *done = error <= aim || stands || hopeless;
                 }
             }
@@ -445,22 +455,24 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     /// `longest` iterations fail to halve that size. Returns the number of iterations, and the
     /// [size](Self::largest) of the last.
     fn iterate(
-        &self,
+        &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
+        islands: &Islands,
         longest: usize,
     ) -> (usize, f64) {
         let (mut made, mut size_before) = (0usize, 0.0);
-        let mut open = self.done.iter().zip(&self.jointed);
-        let has_joints = open.any(|(done, jointed)| *jointed && !done);
+        let open = |island: &u32| self.done.get(*island as usize).is_some_and(|done| !done);
+        self.due.clear();
+        self.due.extend(self.of_mechanisms.iter().map(open));
+        let has_joints = self.due.contains(&true);
         loop {
             if has_joints {
-                // The visits of the mechanisms are not among the directions.
-                lanes.begin_conjugate();
+                self.extrapolate(joints, islands, lanes.betas());
             }
             lanes.conjugate(velocities, &self.done);
             if has_joints {
-                joints.solve(velocities);
+                joints.batch().solve_those(self.due.iter().copied(), velocities);
             }
             let size = self.largest(lanes.gradients());
             made += 1;
@@ -472,6 +484,24 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
                 size_before = size;
             } else if made.is_multiple_of(longest) {
                 return (made, size);
+            }
+        }
+    }
+
+    /// Moves the impulses of the rows along their search directions: r <- r + beta p. The velocities
+    /// follow in [`LaneSystem::conjugate`]: a visit of the mechanisms is part of the sweep before it.
+    fn extrapolate(&mut self, joints: &mut Mechanisms<L, A>, islands: &Islands, betas: &[f32]) {
+        let mut rows = joints.axes.iter_mut().zip(self.before.iter_mut().zip(&mut self.directions));
+        for joint in &joints.joints {
+            let island = islands.of_pair(joint.bodies) as usize;
+            let beta = match self.done.get(island) {
+                Some(false) => f64::from(betas[island]),
+                _ => 0.0,
+            };
+            for (axis, (before, p)) in rows.by_ref().take(joint.count as usize) {
+                *p = nncg::next_row_direction(axis.impulse, *before, *p, beta);
+                axis.impulse += *p * beta;
+                *before = axis.impulse;
             }
         }
     }

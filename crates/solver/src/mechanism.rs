@@ -143,13 +143,37 @@ impl Row {
         piece: Piece::Idle,
     };
 
-    /// Takes the law and the impulse of an axis.
-    fn take<const L: usize, const A: usize>(&mut self, axis: &Axis<f64, L, A>) {
+    /// Takes the law and the impulse of an axis, and this velocity along it. Assumes that the row stays
+    /// on the piece of this impulse.
+    #[inline(always)]
+    fn take<const L: usize, const A: usize>(&mut self, axis: &Axis<f64, L, A>, velocity: f64) {
         let law = primal::with_compliance(axis.law);
-        let (impulse, is_idle) = (axis.impulse, axis.effective_mass <= 0.0 || law.is_none());
+        let is_idle = axis.effective_mass <= 0.0 || law.is_none();
         self.law = law.unwrap_or(axis.law);
-        (self.before, self.response) = (impulse, impulse);
-        self.piece = if is_idle { Piece::Idle } else { Piece::Slack };
+        (self.before, self.velocity) = (axis.impulse, velocity);
+        self.piece = if is_idle { Piece::Idle } else { self.piece_of(axis.impulse) };
+        let ([low, high], [least, most]) = (self.law.targets, self.law.bounds);
+        self.response = match self.piece {
+            Piece::Idle => axis.impulse,
+            Piece::Slack => 0.0,
+            Piece::Low => (low - velocity) / self.law.compliance,
+            Piece::High => (high - velocity) / self.law.compliance,
+            Piece::AtLeast => least,
+            Piece::AtMost => most,
+        };
+    }
+
+    /// Returns the piece on which the response is this impulse.
+    #[inline(always)]
+    fn piece_of(&self, impulse: f64) -> Piece {
+        let ([low, high], [least, most]) = (self.law.targets, self.law.bounds);
+        match () {
+            () if impulse >= most && most > 0.0 => Piece::AtMost,
+            () if impulse <= least && least < 0.0 => Piece::AtLeast,
+            () if low == high || impulse > 0.0 && low.is_finite() => Piece::Low,
+            () if impulse < 0.0 && high.is_finite() => Piece::High,
+            () => Piece::Slack,
+        }
     }
 
     /// Sets the velocity along the row, and with it the response.
@@ -217,6 +241,11 @@ impl<const L: usize, const A: usize> Mechanisms<L, A> {
     /// Sets the thread pool that solves the mechanisms. Results do not depend on it.
     pub fn set_pool(&mut self, pool: Arc<ThreadPool>) {
         self.pool = pool;
+    }
+
+    /// Returns the bodies of one joint of each mechanism.
+    pub fn pairs(&self) -> impl Iterator<Item = [u32; 2]> {
+        self.mechanisms.iter().map(|of| self.joints[of.joints.start].bodies)
     }
 
     /// Returns all of them as one batch.
@@ -538,7 +567,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
                 return;
             }
             self.find_step::<N>(joints, step == 0);
-            if self.descend::<N>(joints) {
+            if self.descend::<N>(joints, step == 0) {
                 break;
             }
         }
@@ -560,9 +589,8 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
             let [a, b] = link.sides.map(|side| &own[side]);
             for ((axis, row), jacobian) in all.by_ref().take(joint.count as usize) {
                 let compliance = row.law.compliance;
-                row.take(axis);
+                row.take(axis, dot(&jacobian[0], a) + dot(&jacobian[1], b));
                 self.has_factor &= row.law.compliance == compliance;
-                row.meet(dot(&jacobian[0], a) + dot(&jacobian[1], b));
             }
         }
     }
@@ -650,10 +678,11 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
         hessian.solve_in_order::<N>(step);
     }
 
-    /// Moves the velocities along the step, as far as P falls. Returns true if all responses are
-    /// linear along the step: then P is a parabola, and the step ends at its minimum.
+    /// Moves the velocities along the step, as far as P falls; at the start by all of it, because most
+    /// rows stay on their pieces. Returns true if all responses are linear along the step: then P is
+    /// a parabola, and the step ends at its minimum.
     #[inline(always)]
-    fn descend<const N: usize>(&mut self, joints: &[Joint]) -> bool {
+    fn descend<const N: usize>(&mut self, joints: &[Joint], is_start: bool) -> bool {
         let Self { step, links, rows, jacobians, .. } = self;
         let (step, _) = step.as_chunks::<N>();
         let (jacobians, _) = jacobians.as_chunks::<N>();
@@ -669,7 +698,7 @@ impl<const L: usize, const A: usize> Mechanism<L, A> {
                 is_linear &= row.piece_at(row.velocity + row.change) == row.piece;
             }
         }
-        let length = if is_linear { 1.0 } else { self.search::<N>() };
+        let length = if is_linear || is_start { 1.0 } else { self.search::<N>() };
         let (step, _) = self.step.as_chunks::<N>();
         let (now, _) = self.velocities.as_chunks_mut::<N>();
         for (own, place) in now.iter_mut().zip(&*self.places) {

@@ -60,7 +60,7 @@ pub fn solve<const L: usize, const A: usize>(
             *p = next_direction(contact, *before, *p, beta);
         }
         for ((axis, before), p) in system.axes.iter().zip(&before_axes).zip(&mut direction_axes) {
-            *p = if beta > 0.0 { *p * beta - (before - axis.impulse) } else { 0.0 };
+            *p = next_row_direction(axis.impulse, *before, *p, beta);
         }
         for ((velocity, before), w) in system.velocities.iter().zip(&moved_before).zip(&mut ways) {
             *w = next_way(velocity, before, w, beta);
@@ -92,6 +92,12 @@ pub(crate) fn next_direction<T: Real, const L: usize>(
     beta: T,
 ) -> Vector<T, L> {
     (direction * beta - (before - contact.impulse)).only_if(beta)
+}
+
+/// Returns p <- beta p - g of a row of a joint; 0 if beta is 0.
+#[inline(always)]
+pub(crate) fn next_row_direction(impulse: f64, before: f64, direction: f64, beta: f64) -> f64 {
+    if beta > 0.0 { direction * beta - (before - impulse) } else { 0.0 }
 }
 
 /// Returns w <- beta w + v' - v of a body, whose velocity was `before` ahead of the sweep; 0 if

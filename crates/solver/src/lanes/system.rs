@@ -296,6 +296,11 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
         self.conjugate = state;
     }
 
+    /// Returns beta of each island for the next iteration. \[1\]
+    pub fn betas(&self) -> &[f32] {
+        &self.conjugate.betas
+    }
+
     /// Returns |g|^2 of each island in the last iteration, or 0 if the island was done. \[J\]
     pub fn gradients(&self) -> &[f32] {
         self.conjugate.sizes()
