@@ -153,6 +153,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 part.apply(&mut linkage.expected, at.masses);
             }
             linkage.set_targets(&aim, &mut part);
+            linkage.begin_aims();
             linkage.aims = linkage.is_fast(at) && (exact || !linkage.touches);
             if linkage.aims {
                 part.load(at.velocities);
@@ -195,7 +196,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
             linkage.aims = linkage.touches && linkage.is_fast(at) && {
                 linkage.expect(at.first, at.velocities);
-                linkage.set_targets(&aim, &mut part)
+                if alone {
+                    linkage.set_targets(&aim, &mut part)
+                } else {
+                    linkage.aim(&aim, &mut part)
+                }
             };
             if linkage.aims && alone {
                 part.load(at.velocities);

@@ -63,10 +63,6 @@ const APPROACH: f32 = 3.5;
 /// Largest number of rounds in which joints break within a substep: each loads others. \[1\]
 const SNAP_ROUNDS: usize = 32;
 
-/// Largest number of rounds in which the targets of joints follow paths that contacts have changed.
-/// \[1\]
-const MOST_AIMS: usize = 3;
-
 /// Number of rounds in which contacts and joints are relaxed in turn, in a solve to a tolerance. More
 /// of them stop a heavy load that lands on light limbs within one substep, and these miss their
 /// joints. \[1\]
@@ -490,13 +486,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.context().sweep_and_snap(true);
             timer.lap(Stage::Joints);
         }
-        self.refine(with_residuals, timer, report);
-        for _ in 0..MOST_AIMS {
+        loop {
+            self.refine(with_residuals, timer, report);
             let SubstepContext { mut joints, mut bodies, .. } = self.context();
             if !joints.aim_again(&mut bodies, false) {
                 break;
             }
-            self.refine(with_residuals, timer, report);
         }
         for taming in [Taming::Soften, Taming::Stop] {
             let SubstepContext { mut joints, bodies, .. } = self.context();

@@ -21,7 +21,10 @@ use crate::motion::{MovingBodies, SMALL_TURN};
 const REPAIR: f64 = 0.25;
 
 /// Largest number of rounds in which targets follow the solution, for bodies that turn fast.
-pub(crate) const MOST_AIMS: usize = 4;
+const MOST_AIMS: usize = 4;
+
+/// Growth of the change of targets, over the least one, at which they follow no more. \[1\]
+const DIVERGED: f64 = 2.0;
 
 /// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
 /// \[rad\]
@@ -126,6 +129,12 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) aims: bool,
     /// Largest change of a target when they were set last. \[m/s, or rad/s\]
     change: f64,
+    /// Number of solves that targets have followed; targets of the last solve, those of the solve after
+    /// which they changed least, and this change.
+    followed: usize,
+    targets: Vec<[f64; 2]>,
+    best_targets: Vec<[f64; 2]>,
+    least_change: f64,
 }
 
 /// Ways in which locks that add energy are [tamed](Linkage::tame).
@@ -185,6 +194,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             leads: false,
             aims: false,
             change: 0.0,
+            followed: 0,
+            targets: Vec::with_capacity(rows),
+            best_targets: Vec::with_capacity(rows),
+            least_change: f64::INFINITY,
         }
     }
 
@@ -407,24 +420,60 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         self.change * self.substep > aim.least_miss
     }
 
-    /// Solves the mechanism and lets the targets follow the path that it leaves, as long as that
-    /// brings joints nearer to their places.
+    /// Solves the mechanism and lets the targets follow the path that it leaves ([`aim`](Self::aim)).
     pub(crate) fn follow<G: Geometry<L, A>>(
         &mut self,
         aim: &Aim<'_, G, L, A>,
         part: &mut MechanismPart<'_, L, A>,
     ) {
-        let mut before = f64::INFINITY;
-        for _ in 0..MOST_AIMS {
+        loop {
             part.solve();
             self.expected.clear();
             self.expected.extend((0..self.members.len()).map(|index| part.velocity(index)));
-            let misses = self.set_targets(aim, part);
-            if !misses || self.change >= before {
+            if !self.aim(aim, part) {
                 break;
             }
-            before = self.change;
         }
+        self.begin_aims();
+    }
+
+    /// Begins to [aim](Self::aim): the next solve is the first that targets follow.
+    pub(crate) fn begin_aims(&mut self) {
+        (self.followed, self.least_change) = (0, f64::INFINITY);
+    }
+
+    /// Lets the targets follow the path of a solve, for the velocities that it has found. Returns true if
+    /// the mechanism is to be solved again; at last for the targets that have brought joints nearest to
+    /// their places. A light body that turns far within the substep may turn farther with each solve.
+    pub(crate) fn aim<G: Geometry<L, A>>(
+        &mut self,
+        aim: &Aim<'_, G, L, A>,
+        part: &mut MechanismPart<'_, L, A>,
+    ) -> bool {
+        if self.followed > MOST_AIMS {
+            return false;
+        }
+        self.followed += 1;
+        self.targets.clear();
+        self.targets.extend(part.axes.iter().map(|axis| axis.law.targets));
+        if !self.set_targets(aim, part) {
+            return false;
+        }
+        let is_best = self.change < self.least_change;
+        if is_best {
+            self.least_change = self.change;
+            std::mem::swap(&mut self.targets, &mut self.best_targets);
+        }
+        if self.change < DIVERGED * self.least_change && self.followed <= MOST_AIMS {
+            return true;
+        }
+        self.followed = MOST_AIMS + 1;
+        if !is_best {
+            for (axis, targets) in part.axes.iter_mut().zip(&self.best_targets) {
+                axis.law.targets = *targets;
+            }
+        }
+        true
     }
 
     /// Sets the places of the bodies after the substep at the expected velocities, rotating freely: as
