@@ -11,9 +11,10 @@
 //! ```
 //!
 //! H has one row of blocks per body. If the joints form a tree, the cost of its factor is in
-//! proportion to the number of bodies; each loop adds fill. If no row reaches or leaves a bound,
-//! one solve is exact. So for contacts the mechanism is a constraint like any other, visited once
-//! after a sweep. The factor is kept while J and the set of rows within their bounds stay the same.
+//! proportion to the number of bodies; each loop adds fill. If no row has reached or left a bound
+//! since the last visit, one solve is exact. So for contacts the mechanism is a constraint like any
+//! other, visited once after a sweep. The factor is kept while J and the set of rows within their
+//! bounds stay the same.
 //!
 //! A visit starts at velocities v_0 that include the impulses r_0 of the rows, so
 //! M (v - v*) = M (v - v_0) + J^T r_0. The masses take part only in further steps of a visit.

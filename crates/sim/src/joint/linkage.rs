@@ -23,7 +23,7 @@ const REPAIR: f64 = 0.25;
 /// Largest number of rounds in which targets follow the solution, for bodies that turn fast.
 const MOST_AIMS: usize = 4;
 
-/// Growth of the change of targets, over the least one, at which they follow no more. \[1\]
+/// Change of targets over the least one, at which they follow no more. \[1\]
 const DIVERGED: f64 = 2.0;
 
 /// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
@@ -443,8 +443,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
     }
 
     /// Lets the targets follow the path of a solve, for the velocities that it has found. Returns true if
-    /// the mechanism is to be solved again; at last for the targets that have brought joints nearest to
-    /// their places. A light body that turns far within the substep may turn farther with each solve.
+    /// the mechanism is to be solved again. A light body that turns far within the substep may turn farther
+    /// with each solve: then the last is for the targets that changed least.
     pub(crate) fn aim<G: Geometry<L, A>>(
         &mut self,
         aim: &Aim<'_, G, L, A>,
