@@ -149,13 +149,14 @@ impl Row {
     #[inline(always)]
     fn take<const L: usize, const A: usize>(&mut self, axis: &Axis<f64, L, A>, velocity: f64) {
         let law = primal::with_compliance(axis.law);
-        let is_idle = axis.effective_mass <= 0.0 || law.is_none();
+        let ([low, high], [least, most]) = (axis.law.targets, axis.law.bounds);
+        let is_idle = axis.effective_mass <= 0.0 || law.is_none() || least == most;
         self.law = law.unwrap_or(axis.law);
         (self.before, self.velocity) = (axis.impulse, velocity);
         self.piece = if is_idle { Piece::Idle } else { self.piece_of(axis.impulse) };
-        let ([low, high], [least, most]) = (self.law.targets, self.law.bounds);
         self.response = match self.piece {
-            Piece::Idle => axis.impulse,
+            // A row that has broken bears nothing.
+            Piece::Idle => axis.impulse.max(least).min(most),
             Piece::Slack => 0.0,
             Piece::Low => (low - velocity) / self.law.compliance,
             Piece::High => (high - velocity) / self.law.compliance,

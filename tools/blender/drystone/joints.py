@@ -188,7 +188,7 @@ class JointExporter:
         return thing
 
     def ends(self, thing):
-        """Returns the objects of the bodies that a constraint joins; None is the world."""
+        """Returns the objects of the bodies that a constraint joins, or None."""
         of = thing.rigid_body_constraint
         return [end and self.body_of(end) for end in (of.object1, of.object2)]
 
@@ -206,6 +206,8 @@ class JointExporter:
             why = "of one body with itself"
         elif all(self.motions[end.name_full] != "dynamic" for end in bodies):
             why = "without an active body"
+        elif len(bodies) == 1:
+            why = "of one object, which Blender ignores, too"
         else:
             return False
         self.findings.add(LEFT_OUT, "constraint", f" {why}: left out", thing.name_full)
@@ -217,7 +219,7 @@ class JointExporter:
         ends = self.ends(thing)[::-1]
         joint = {
             "name": thing.name_full,
-            "bodies": [end.name_full if end else -1 for end in ends],
+            "bodies": [end.name_full for end in ends],
             "frames": [self.frame(thing, end) for end in ends],
             "collide": not of.disable_collisions,
             "enabled": of.enabled,
@@ -235,8 +237,8 @@ class JointExporter:
 
     @staticmethod
     def frame(thing, end):
-        """Returns the pose of a constraint in the frame of a body, or in the world."""
-        local = rigid(end).inverted() @ rigid(thing) if end else rigid(thing)
+        """Returns the pose of a constraint in the frame of a body."""
+        local = rigid(end).inverted() @ rigid(thing)
         position, rotation = joint_pose(local, main_axis(thing.rigid_body_constraint))
         return {"position": position, "rotation": rotation}
 
@@ -245,8 +247,6 @@ class JointExporter:
         def changed(text):
             self.findings.add(CHANGED, "constraint", f" {text}", thing.name_full)
 
-        if not (of.object1 and of.object2):
-            changed("of one object: joined to the world, where Blender ignores it")
         if of.use_override_solver_iterations:
             changed("with a number of iterations: it has no meaning")
         if animates(thing, "rigid_body_constraint"):
