@@ -233,10 +233,10 @@ def test_as_documents(command, folder):
         "1 constraint of one body with itself: left out: 'within'",
         "1 constraint without an active body: left out: 'still'",
         "1 constraint outside of the rigid body world's collection: left out: 'outside'",
-        "1 constraint of one object, which Blender ignores, too: left out: 'pinned'",
         "1 constraint with a number of iterations: it has no meaning: 'old'",
         "1 constraint with keys or drivers: the values at the first frame hold: 'old'",
         "1 constraint with springs of type Blender 2.7: without their damping: 'old'",
+        "1 constraint of one object, which Blender ignores, too: left out: 'pinned'",
     ], notes
     joints = {joint["name"]: joint for joint in json.loads((folder / "joints.json").read_text())["joints"]}
     assert joints["child"]["breaking"] == {"force": "inf", "torque": "inf"}
