@@ -61,6 +61,19 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         rejoined
     }
 
+    /// Finds the bodies whose M^-1 has changed since the rows of their contacts were read. That of bodies with
+    /// joints turns with them in each substep, also while they keep their manifolds.
+    pub(crate) fn find_renewed(&mut self) {
+        let StepScratch { read_masses, renewed, .. } = &mut self.scratch;
+        renewed.clear();
+        if self.solver.joints.exist() {
+            let now = &self.bodies.inverse_masses;
+            let is_other = |(body, mass)| read_masses.get(body) != Some(mass);
+            renewed.extend(now.iter().enumerate().map(is_other));
+            read_masses.clone_from(now);
+        }
+    }
+
     /// Keeps what a part changes of the bodies.
     pub(crate) fn keep_part(&mut self) {
         let (kept, bodies) = (&mut self.scratch.part, &self.bodies);

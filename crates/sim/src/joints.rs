@@ -78,6 +78,11 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
 }
 
 impl<const L: usize, const A: usize> Joints<L, A> {
+    /// Returns true if there are joints, or have been.
+    pub(crate) fn exist(&self) -> bool {
+        !self.records.is_empty()
+    }
+
     /// Returns true if no joint acts.
     pub(crate) fn is_idle(&self) -> bool {
         self.acting.is_empty()

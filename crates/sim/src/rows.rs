@@ -18,6 +18,8 @@ pub(crate) struct CacheSource<'a, const L: usize, const A: usize> {
     pub(crate) stiffness: Stiffness<'a>,
     /// Pairs of bodies that joints couple.
     pub(crate) couplings: &'a [[u32; 2]],
+    /// True for bodies whose M^-1 has changed since their rows were read; empty without joints.
+    pub(crate) renewed: &'a [bool],
     /// True if these are the manifolds of the step before, with as many points.
     pub(crate) same: bool,
     /// True if all bodies take their substeps together.
@@ -46,7 +48,10 @@ impl<const L: usize, const A: usize> ManifoldSource<L> for CacheSource<'_, L, A>
         let reuse = self.cache.reuse[manifold as usize];
         let bodies = || self.cache.manifolds[manifold as usize].bodies;
         let moved = self.in_order && !self.same;
-        let anew = moved || self.stiffness.changes() && self.stiffness.is_new(bodies());
+        let is_renewed = |body: u32| self.renewed.get(body as usize) == Some(&true);
+        let anew = moved
+            || self.stiffness.changes() && self.stiffness.is_new(bodies())
+            || !self.renewed.is_empty() && bodies().into_iter().any(is_renewed);
         if anew { reuse.changed() } else { reuse }
     }
 
@@ -165,6 +170,7 @@ mod tests {
         system.velocities = vec![Velocity::ZERO; 2];
         let mut certifier: Certifier<3, 3> = Certifier::default();
         let rows = CacheSource {
+            renewed: &[],
             cache: &cache,
             velocities: &system.velocities,
             stiffness: certifier.no_stiffness(),
@@ -201,6 +207,7 @@ mod tests {
             let (cache, velocities): (_, &[Velocity<f32, 3, 3>]) = (&cache, &[]);
             let (couplings, whole_system) = (&[], true);
             let rows = CacheSource {
+                renewed: &[],
                 cache,
                 velocities,
                 stiffness,

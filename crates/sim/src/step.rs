@@ -547,11 +547,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
     }
 
-    /// Builds the rows of the contacts of a part from its manifolds. `same` is true if these are
-    /// the same as before.
-    fn build_rows(&mut self, search: &Search, same: bool) -> PartPlan<L> {
-        let rejoined = self.choose_joints();
-        let (plan, dt) = (self.plan(search), search.duration());
+    /// Makes room for what a part sums by body, and clears the displacements.
+    fn clear_sums(&mut self) {
         let all = self.bodies.poses.len();
         let StepScratch { displacements, prospective, spring_gains, start, .. } = &mut self.scratch;
         displacements.clear();
@@ -563,8 +560,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         for own in start.iter_mut().chain([spring_gains]) {
             own.resize(joined, Velocity::ZERO);
         }
+    }
+
+    /// Builds the rows of the contacts of a part from its manifolds. `same` is true if these are
+    /// the same as before.
+    fn build_rows(&mut self, search: &Search, same: bool) -> PartPlan<L> {
+        let rejoined = self.choose_joints();
+        let (plan, dt) = (self.plan(search), search.duration());
+        self.clear_sums();
         self.solver.joints.begin_part(f64::from(plan.params.h));
         self.renew_joints(&plan.params);
+        self.find_renewed();
         let ConstraintSolver { lanes, joints, certifier, surfaces, carriers, .. } =
             &mut self.solver;
         let (cache, bodies) = (&self.contacts.cache, &self.bodies);
@@ -581,8 +587,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (velocities, whole_system) = (&bodies.velocities, plan.whole_system);
         let in_order = plan.solving || self.settings.certify;
         let (same, couplings) = (same && !rejoined, joints.couplings());
-        let rows =
-            CacheSource { cache, velocities, stiffness, couplings, same, whole_system, in_order };
+        let renewed = &self.scratch.renewed;
+        let rows = CacheSource {
+            cache,
+            velocities,
+            stiffness,
+            couplings,
+            renewed,
+            same,
+            whole_system,
+            in_order,
+        };
         lanes.pack(&rows, &bodies.inverse_masses, self.settings.softness);
         let (of, moving) =
             ((&self.colliders, bodies, &*carriers), (bodies.velocities.as_slice(), dt));

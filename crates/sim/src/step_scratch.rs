@@ -41,6 +41,10 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     /// Velocities, v*, displacements and gains by contacts at the start of a substep, if there are joints.
     pub(crate) start: [Vec<Velocity<f32, L, A>>; 4],
     pub(crate) part: PartStart<G, L, A>,
+    /// M^-1 of the bodies when the rows of their contacts were read last, if there are joints; and by body:
+    /// true if it is another now.
+    pub(crate) read_masses: Vec<InverseMass<f32, L, A>>,
+    pub(crate) renewed: Vec<bool>,
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
     /// By body: true if it touches one without joints.
@@ -90,6 +94,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             force_gains: Vec::new(),
             start: Default::default(),
             part: PartStart::default(),
+            read_masses: Vec::new(),
+            renewed: Vec::new(),
             touched: Vec::new(),
             met: Vec::new(),
             ledger: LedgerBuilder::default(),

@@ -81,13 +81,23 @@ fn a_restored_certified_world_moves_with_the_same_bits() {
     }
     let ledger = StepSettings { ledger: true, ..StepSettings::certified() };
     goes_on("card_house.toml", &ledger);
+    for name in ["ragdoll.toml", "crane.json"] {
+        goes_on(name, &StepSettings::certified());
+    }
 }
 
 /// Worlds of the real-time and quality presets repeat 12 steps after each checkpoint, with the same
 /// bits and reports, on one and two threads.
 #[test]
 fn a_restored_world_of_fixed_work_moves_with_the_same_bits() {
-    for name in ["dominoes.json", "wall_2d.json", "particles.json", "stones.json"] {
+    for name in [
+        "dominoes.json",
+        "wall_2d.json",
+        "particles.json",
+        "stones.json",
+        "glued_wall.json",
+        "car.toml",
+    ] {
         goes_on(name, &StepSettings { certify: true, ..StepSettings::realtime() });
     }
     goes_on("arch.json", &StepSettings::quality());
