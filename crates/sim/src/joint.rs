@@ -19,8 +19,10 @@ pub(crate) mod coordinates;
 pub(crate) mod linkage;
 pub(crate) mod places;
 pub(crate) mod record;
+pub(crate) mod repair;
 pub(crate) mod rows;
 pub(crate) mod springs;
+pub(crate) mod taming;
 pub(crate) mod tension;
 pub(crate) mod turning;
 

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | warm start | the impulses of the previous substep act; then each row gets its target |
 //! | solve | all joints of a mechanism are solved together, after the contacts |
-//! | advance | bodies with joints rotate; coordinates and J are recomputed |
+//! | advance | bodies with joints rotate; those of joints far apart are moved; coordinates and J are recomputed |
 //! | relax | all joints of a mechanism are solved together, for velocities that the new J allows |
 //!
 //! About half of the impulse that keeps a body on its arc comes from the solve, half from the
@@ -18,8 +18,9 @@ use drystone_solver::{InverseMass, Velocity};
 
 use crate::geometry::{Frame, Geometry};
 use crate::joint::Breaking;
-use crate::joint::linkage::{Aim, Linkage, Taming};
+use crate::joint::linkage::{Aim, Linkage};
 use crate::joint::rows::{Role, RowState};
+use crate::joint::taming::Taming;
 use crate::joint::turning;
 use crate::motion::{MovingBodies, SubstepParams};
 
@@ -321,6 +322,19 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     /// Restores the inertia of the bodies to which pulls have added some.
     pub(crate) fn unstiffen<G: Geometry<L, A>>(&mut self, bodies: &mut MovingBodies<'_, G, L, A>) {
         self.linkages.iter_mut().for_each(|linkage| linkage.unstiffen(bodies));
+    }
+
+    /// Moves the bodies of joints that are [far from their places](crate::joint::repair) towards these.
+    /// Returns true if it moves any.
+    pub(crate) fn repair<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+    ) -> bool {
+        let mut any = false;
+        for (mut part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
+            any |= linkage.repair(bodies, &mut part);
+        }
+        any
     }
 
     /// Begins the relaxing: each row gets its law for the end of the substep, and no impulse. So every

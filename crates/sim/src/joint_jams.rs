@@ -20,7 +20,7 @@ fn is_rigid(role: &Role) -> bool {
 impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Looks for jams if a joint misses its targets. Returns false if none does.
     pub(crate) fn find_joint_jams(&mut self, report: &mut StepReport) -> bool {
-        if self.joints_miss() <= MISSED {
+        if self.joints_miss() <= MISSED && !self.solver.joints.are_apart() {
             return false;
         }
         let mut contacts = self.bodies.without_contacts();
@@ -29,6 +29,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let joints = &self.solver.joints;
         system.joints.clone_from(&joints.mechanisms.joints);
         system.axes.clone_from(&joints.mechanisms.axes);
+        joints.ask_for_repair(&mut system.axes);
         for (&slot, joint) in joints.acting().iter().zip(&joints.mechanisms.joints) {
             let rows = &joints.records[slot as usize].rows;
             for (axis, row) in system.axes[joint.axes()].iter_mut().zip(rows) {

@@ -103,10 +103,28 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         &self.pairs
     }
 
-    /// Returns true if the joint of this index among those that act has a motor that runs.
+    /// Returns true if the joint of this index among those that act has a motor that runs, or if repair moves
+    /// its bodies.
     pub(crate) fn runs(&self, acting: usize) -> bool {
-        let record = &self.records[self.acting[acting] as usize];
+        let slot = self.acting[acting];
+        let record = &self.records[slot as usize];
         record.rows.iter().any(|row| row.role.runs())
+            || self.linkages.iter().any(|of| of.repairs && of.slots.contains(&slot))
+    }
+
+    /// Returns true if joints are [far from their places](crate::joint::repair).
+    pub(crate) fn are_apart(&self) -> bool {
+        self.linkages.iter().any(|of| of.is_apart)
+    }
+
+    /// Adds the repair of joints far from their places to the targets of copies of all rows.
+    pub(crate) fn ask_for_repair(&self, axes: &mut [Axis<f64, L, A>]) {
+        let mut left = axes;
+        for linkage in &self.linkages {
+            let (own, later) = left.split_at_mut(linkage.params.len());
+            left = later;
+            linkage.ask_for_repair(own);
+        }
     }
 
     /// Returns true if a joint keeps the shapes of two bodies from colliding.

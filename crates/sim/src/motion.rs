@@ -284,6 +284,16 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         turning.into_inner()
     }
 
+    /// Displaces a body of a joint by its index in the batch, and leaves it its velocity.
+    pub(crate) fn displace(&mut self, index: usize, by: Velocity<f32, L, A>) {
+        self.displacements[index] += by;
+        self.turned[index] = true;
+        if A == 3 {
+            self.spin_states[index].followed += by.angular;
+            self.poses[index] = G::advance(&self.poses[index], Vector::ZERO, by.angular);
+        }
+    }
+
     /// Adds h v to the displacements. A body that precesses rotates at once: its free motion
     /// conserves the angular momentum and, to second order in h, the energy. The other bodies
     /// rotate at the end of the part.

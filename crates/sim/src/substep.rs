@@ -17,7 +17,7 @@ use drystone_solver::thread_pool::Divide;
 use crate::bodies::Bodies;
 use crate::cache::Pair;
 use crate::geometry::Geometry;
-use crate::joint::linkage::Taming;
+use crate::joint::taming::Taming;
 use crate::joint_batch::JointBatch;
 use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
@@ -240,7 +240,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             self.joints.keep_solved(&mut self.bodies);
             clock.lap(Stage::Joints);
         }
-        let Advanced { turned, fastest } = self.bodies.advance(params);
+        let Advanced { mut turned, fastest } = self.bodies.advance(params);
+        turned |= self.joints.repair(&mut self.bodies);
         clock.lap(Stage::Advance);
         *renewed = turned && self.renew(params);
         self.joints.renew(&mut self.bodies, params);
@@ -368,7 +369,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         let mut context = self.context();
         context.joints.keep_solved(&mut context.bodies);
-        let Advanced { turned, fastest } = context.bodies.advance(params);
+        let Advanced { mut turned, fastest } = context.bodies.advance(params);
+        turned |= context.joints.repair(&mut context.bodies);
         timer.lap(Stage::Advance);
         if plan.ledger {
             self.scratch.ledger.record_motion(&self.bodies.velocities);

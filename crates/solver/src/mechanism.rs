@@ -444,6 +444,11 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
         self.mechanism.take(self.first, velocities);
     }
 
+    /// Takes bodies that stand still.
+    pub fn stop(&mut self) {
+        self.mechanism.take(0, &[]);
+    }
+
     /// Returns the velocity of a body of the mechanism.
     pub fn velocity(&self, index: usize) -> Velocity<f32, L, A> {
         self.mechanism.velocity(index)

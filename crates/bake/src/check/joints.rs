@@ -60,7 +60,7 @@ impl JointAt<'_> {
                 [gap, APART],
                 |name| format!("the frames of {name} are {} apart at the start", length(gap)),
                 &length(APART),
-                "the first step pulls the bodies together: move them, or the anchors of the joint",
+                "repair pulls the bodies together: move them, or the anchors of the joint",
             ));
         }
         if turn > TURNED {
@@ -72,7 +72,7 @@ impl JointAt<'_> {
                     format!("the frames of {name} are turned by {degrees:.2} degrees at the start")
                 },
                 &format!("{:.2} degrees", TURNED.to_degrees()),
-                "the first step turns the bodies: rotate them, or the frames of the joint",
+                "repair turns the bodies: rotate them, or the frames of the joint",
             ));
         }
         findings
@@ -105,7 +105,7 @@ impl JointAt<'_> {
             [by, limit],
             |name| format!("{name} starts beyond its limits: {coordinate} is {}", shown(value)),
             &accepted,
-            "the first step pushes the bodies back: move them, or widen the limits",
+            "repair pushes the bodies back: move them, or widen the limits",
         ))
     }
 

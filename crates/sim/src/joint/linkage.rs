@@ -4,6 +4,7 @@
 
 use std::array::from_fn;
 
+use drystone_solver::law::Interval;
 use drystone_solver::mechanism::{MechanismPart, of_batch};
 use drystone_solver::{Axis, InverseMass, Vector, Velocity};
 
@@ -18,7 +19,10 @@ use crate::ledger::JointRow;
 use crate::motion::{MovingBodies, SMALL_TURN};
 
 /// Fraction of the gap of a lock that a substep repairs. \[1\]
-const REPAIR: f64 = 0.25;
+pub(super) const REPAIR: f64 = 0.25;
+
+/// Speed of repair beyond which joints are far from their places, over the largest one. \[1\]
+const FAR: f64 = 0.05;
 
 /// Largest number of rounds in which targets follow the solution, for bodies that turn fast.
 const MOST_AIMS: usize = 4;
@@ -29,28 +33,6 @@ const DIVERGED: f64 = 2.0;
 /// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
-
-/// Energy that the locks of a mechanism add in a substep, as a part of what it has, beyond which their
-/// targets are wrong. \[1\]
-const MOST_GAIN: f64 = 0.5;
-
-/// The same where joints [gape](Linkage::gapes): there all of it is wrong. \[1\]
-const GAPING_GAIN: f64 = 0.02;
-
-/// Energy that soft locks may add at most by their targets, as a part of what the mechanism has; and that
-/// beyond which these are taken out. \[1\]
-const SOFTENED: f64 = 0.005;
-const TAMED: f64 = 1e-4;
-
-/// Gap of a lock, as a part of the size of its mechanism, beyond which locks soften: at smaller ones they
-/// can do without curve and repair. \[1\]
-const GAPING: f64 = 1e-4;
-
-/// Compliance of a lock over its mobility with which it does next to nothing. \[1\]
-const LIMP: f64 = 1e3;
-
-/// Speed that locks may give a mechanism at rest. \[m/s\]
-const LEAST_SPEED: f64 = 1.0;
 
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
@@ -92,10 +74,10 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// By joint: its bodies, as indices of members.
     pub(crate) sides: Vec<[usize; 2]>,
     /// Its mass, and 1 / weight. \[kg, 1/N\]
-    mass: f64,
+    pub(super) mass: f64,
     compliance: f64,
     /// Places of the members, now and as they will be at the end of the substep.
-    here: Vec<Place>,
+    pub(super) here: Vec<Place>,
     ahead: Vec<Place>,
     /// Velocities of the members by which they will be there.
     pub(crate) expected: Vec<Velocity<f32, L, A>>,
@@ -127,6 +109,11 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) leads: bool,
     /// True if the targets are to follow the path that the joints leave.
     pub(crate) aims: bool,
+    /// True if joints are far from their places (`repair.rs`); and if repair moves bodies so far that they
+    /// must not sleep. Laws and impulses of the rows meanwhile.
+    pub(crate) is_apart: bool,
+    pub(crate) repairs: bool,
+    pub(super) kept: Vec<(Interval<f64>, f64)>,
     /// Largest change of a target when they were set last. \[m/s, or rad/s\]
     change: f64,
     /// Number of solves that targets have followed; targets of the last solve, those of the solve after
@@ -135,15 +122,6 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     targets: Vec<[f64; 2]>,
     best_targets: Vec<[f64; 2]>,
     least_change: f64,
-}
-
-/// Ways in which locks that add energy are [tamed](Linkage::tame).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Taming {
-    /// They yield.
-    Soften,
-    /// They leave out curve and repair.
-    Stop,
 }
 
 /// The bodies that the targets of a linkage follow, and how far they may miss.
@@ -193,6 +171,9 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             meets: false,
             leads: false,
             aims: false,
+            is_apart: false,
+            repairs: false,
+            kept: Vec::with_capacity(rows),
             change: 0.0,
             followed: 0,
             targets: Vec::with_capacity(rows),
@@ -305,6 +286,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 RowParams { h, mobility, arm, lever, compliance: 0.0, repair, strongest }
             }));
         }
+        self.is_apart = self.is_far([h, speed]);
+        if self.is_apart {
+            self.params.iter_mut().for_each(|params| params.repair[0] = 0.0);
+        }
         let loaded = self.drive_force().max(1.0 / self.compliance);
         let [turning, fastest] = self.turning(at);
         let rounding = (ROUNDING * fastest / RESIDUAL).powi(2);
@@ -318,8 +303,35 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         }
     }
 
+    /// Returns true if locks or limits are far from their places, for substeps of `h`, where repair is at
+    /// most as fast as `speed`. \[s, m/s\]
+    fn is_far(&self, [h, speed]: [f64; 2]) -> bool {
+        let far =
+            |((record, plan, state), params): ((&JointRecord, &RowPlan, &RowState), &RowParams)| {
+                let miss = plan.role.miss(state.value);
+                !record.broken
+                    && params.mobility > 0.0
+                    && miss * REPAIR / h > FAR * speed / params.arm
+            };
+        self.rows().zip(&self.params).any(far)
+    }
+
+    /// Returns the rows, with their joints and states.
+    pub(super) fn rows(&self) -> impl Iterator<Item = (&JointRecord, &RowPlan, &RowState)> {
+        self.records.iter().flat_map(|record| {
+            let own = record.rows.iter().zip(&record.states);
+            own.map(move |(plan, state)| (record, plan, state))
+        })
+    }
+
+    /// Returns true if joints make loops. Then loads depend on the compliances of locks.
+    pub(super) fn has_loops<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
+        let moving = self.members.iter().filter(|body| at.inverse_mass(**body).linear > 0.0);
+        self.sides.len() > moving.count()
+    }
+
     /// Returns the corners of the box around the centers of mass of its bodies that move. \[m\]
-    fn extent<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> [Vec3; 2] {
+    pub(super) fn extent<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> [Vec3; 2] {
         let infinite = Vector([f64::INFINITY; 3]);
         let moving = self.members.iter().zip(&self.here);
         let moving = moving.filter(|(body, _)| at.inverse_mass(**body).linear > 0.0);
@@ -585,134 +597,6 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             }
         }
         tension::find(&mut self.pulled, self.pulls.iter().copied());
-    }
-
-    /// Tames the locks if they add energy to bodies that would move at the `prospective` velocities.
-    /// Returns true if so.
-    ///
-    /// Rows of a net in one plane are nearly dependent: its links would need any speed to end on
-    /// their places. Targets of zero add no energy, but gaps stay. Locks with compliances eps and targets t
-    /// add t^2 / (2 eps) at most, and soft ones leave out what only such a speed could reach. So where
-    /// joints [gape](Self::gapes) locks soften first, unless they add energy still.
-    pub(crate) fn tame<G: Geometry<L, A>>(
-        &self,
-        taming: Taming,
-        part: &mut MechanismPart<'_, L, A>,
-        at: &BodyView<'_, G, L, A>,
-        prospective: &[Velocity<f32, L, A>],
-    ) -> bool {
-        let least = |speed: f64| 0.5 * self.mass * speed * speed;
-        // Locks that work less than this harm no mechanism, whatever its energy.
-        let before = |body: u32| of_batch(prospective, at.first, body).cast::<f64>();
-        let after = |body: u32| at.velocity(body).cast::<f64>();
-        let work = self.work(part, |body| before(body) + after(body));
-        if work <= least(LEAST_SPEED) {
-            return false;
-        }
-        let (mut energy, mut gain) = (0.0, 0.0);
-        for &body in &self.members {
-            let own = at.inverse_mass(body).cast::<f64>().mass();
-            let [before, after] = [before(body), after(body)].map(|of| 0.5 * own.squared(&of));
-            energy += before;
-            gain += after - before;
-        }
-        let speed = self.repair_speed(part, at).max(LEAST_SPEED);
-        let gapes = self.gapes(at);
-        let most = match taming {
-            Taming::Soften if gapes => GAPING_GAIN * energy + least(speed),
-            Taming::Soften => MOST_GAIN * energy + least(speed),
-            Taming::Stop => TAMED * energy,
-        };
-        if work.min(gain) <= most {
-            return false;
-        }
-        let rows = || self.records.iter().flat_map(|record| &record.rows).zip(&self.params);
-        let is_lock = |(row, params): (&RowPlan, &RowParams)| {
-            row.role.is_rigid_lock() && params.mobility > 0.0
-        };
-        let locks = part.axes.iter().zip(rows()).filter(|(_, row)| is_lock(*row));
-        let wanted = locks.map(|(axis, (_, of))| axis.law.targets[0].powi(2) / of.mobility);
-        let softness = (wanted.sum::<f64>() / (2.0 * SOFTENED * energy)).min(LIMP);
-        let taming = if gapes { taming } else { Taming::Stop };
-        for (axis, (_, params)) in part.axes.iter_mut().zip(rows()).filter(|(_, row)| is_lock(*row))
-        {
-            let law = &mut axis.law;
-            match taming {
-                Taming::Soften => law.compliance = law.compliance.max(softness * params.mobility),
-                Taming::Stop => law.targets = [0.0; 2],
-            }
-        }
-        true
-    }
-
-    /// Returns true if joints make loops. Then loads depend on the compliances of locks.
-    fn has_loops<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
-        let moving = self.members.iter().filter(|body| at.inverse_mass(**body).linear > 0.0);
-        self.sides.len() > moving.count()
-    }
-
-    /// Returns true if joints make loops and a position misses its lock far.
-    fn gapes<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
-        if !self.has_loops(at) {
-            return false;
-        }
-        let rows = self.records.iter().flat_map(|record| record.rows.iter().zip(&record.states));
-        let gaps = rows.map(|(plan, state)| match plan.role {
-            Role::Lock(at, None) if !plan.coordinate.is_angle() => (state.value - at).abs(),
-            _ => 0.0,
-        });
-        let [low, high] = self.extent(at);
-        gaps.fold(0.0, f64::max) > GAPING * (high - low).length()
-    }
-
-    /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2, where `sum` is v + v'
-    /// of a body. \[J\]
-    fn work(
-        &self,
-        part: &MechanismPart<'_, L, A>,
-        sum: impl Fn(u32) -> Velocity<f64, L, A>,
-    ) -> f64 {
-        let (mut work, mut axes) = (0.0, part.axes.iter());
-        for (record, joint) in self.records.iter().zip(part.joints) {
-            let [a, b] = joint.bodies.map(|body| sum(body) * 0.5);
-            for (plan, axis) in record.rows.iter().zip(&mut axes) {
-                if plan.role.is_rigid_lock() {
-                    work += axis.impulse * axis.velocity(&a, &b);
-                }
-            }
-        }
-        work
-    }
-
-    /// Returns the greatest speed that a repair asks for among the rigid locks. An angle turns all
-    /// members about the joint. \[m/s\]
-    fn repair_speed<G: Geometry<L, A>>(
-        &self,
-        part: &MechanismPart<'_, L, A>,
-        at: &BodyView<'_, G, L, A>,
-    ) -> f64 {
-        let (mut fastest, mut rows) = (0.0f64, part.axes.iter().zip(&self.params));
-        let places = self.sides.iter().zip(&self.arms);
-        for ((record, joint), (sides, arms)) in self.records.iter().zip(part.joints).zip(places) {
-            let unit = joint.bodies.map(|body| f64::from(at.inverse_mass(body).linear));
-            let side = record.first_side();
-            let anchor = self.here[sides[side]].position + arms[side];
-            let distances = self.here.iter().map(|at| (at.position - anchor).length());
-            let farthest = distances.fold(0.0, f64::max);
-            for ((plan, state), (axis, params)) in
-                record.rows.iter().zip(&record.states).zip(&mut rows)
-            {
-                let Role::Lock(value, None) = plan.role else { continue };
-                let RowParams { h, mobility, repair: [share, most], .. } = *params;
-                let repaired = (share * (state.value - value) / h).abs().min(most);
-                if mobility > 0.0 && repaired > 0.0 {
-                    let reach = (unit.iter().sum::<f64>() / mobility).sqrt();
-                    let more = if axis.is_turn() { farthest } else { 0.0 };
-                    fastest = fastest.max(repaired * (reach + more));
-                }
-            }
-        }
-        fastest
     }
 }
 

@@ -1,5 +1,6 @@
 //! Tests of joints against closed forms: motion, forces and energy, as for bakes and in real time.
 
+mod apart;
 mod drives;
 mod extremes;
 mod held;

@@ -233,7 +233,7 @@ fn a_net_in_one_plane_holds() {
             preset.below(&format!("gap of a net held by {name}"), gap, 0.02);
             // 90 kg, which can fall by 10 m. A net that cracks like a whip gains by chance.
             let part = gained / (90.0 * ACCELERATION * 10.0);
-            let most = if by_corners || start == 0 { 0.015 } else { 0.05 };
+            let most = if by_corners { 0.015 } else { 0.05 };
             preset.below(&format!("energy from nothing of a net held by {name}"), part, most);
         }
     }
