@@ -231,10 +231,12 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     }
 
     /// Breaks the joints that the solve of a substep loads by more than their strength in [`BLOW`], or in
-    /// two substeps. Returns true if there were any; then the substep is to be solved again.
+    /// two substeps; while `relaxing`, those that both load so. Returns true if there were any; then it is
+    /// to be solved again.
     pub(crate) fn snap<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
+        relaxing: bool,
     ) -> bool {
         let mut any = false;
         for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
@@ -248,7 +250,10 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 if record.broken || record.breaking == Breaking::NEVER || joint.count == 0 {
                     continue;
                 }
-                let load = record.load_by(axes, axes.iter().map(|axis| axis.impulse), &arms[index]);
+                let before =
+                    record.states.iter().map(|own| if relaxing { own.solved } else { 0.0 });
+                let impulses = axes.iter().zip(before).map(|(axis, solved)| axis.impulse + solved);
+                let load = record.load_by(axes, impulses, &arms[index]);
                 // The solve may bear up to twice the load of its substep, and relaxing takes it back.
                 let time = step.min(BLOW).max(2.0 * *substep);
                 if record.strain(load.map(|own| own.length()), time) <= 1.0 {
@@ -256,6 +261,8 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 }
                 record.bear(load, turns);
                 record.broken = true;
+                // What it has borne counts once.
+                record.states.iter_mut().for_each(|own| own.solved = 0.0);
                 snapped.push(slots[index]);
                 any = true;
                 for axis in axes {
@@ -345,9 +352,10 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         for (part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
             let mut axes = part.axes.iter_mut();
             for record in &linkage.records {
+                let when = (linkage.substep, record.breaking != Breaking::NEVER);
                 for (plan, state) in record.rows.iter().zip(&record.states) {
                     let Some(axis) = axes.next() else { break };
-                    axis.law = plan.role.relaxing_law(&axis.law, state, linkage.substep);
+                    axis.law = plan.role.relaxing_law(&axis.law, state, when);
                     if record.broken {
                         axis.law.bounds = [0.0; 2];
                     }

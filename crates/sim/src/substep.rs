@@ -144,7 +144,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
                 self.contacts.sweep_normals(self.bodies.velocities);
             }
             self.joints.solve(self.bodies.velocities);
-            sweeps = self.joints.snap(&mut self.bodies);
+            sweeps = self.joints.snap(&mut self.bodies, false);
             if !sweeps {
                 break;
             }
@@ -182,7 +182,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             }
         }
         if !self.joints.is_idle() {
-            self.joints.solve(velocities);
+            for _ in 0..=SNAP_ROUNDS {
+                self.joints.solve(self.bodies.velocities);
+                if !self.joints.snap(&mut self.bodies, true) {
+                    break;
+                }
+            }
             self.joints.keep_relaxed(&mut self.bodies);
         }
         timer.lap(Stage::Joints);

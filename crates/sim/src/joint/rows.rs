@@ -396,12 +396,12 @@ impl Role {
 
     /// Returns the law of the sweep that ends a substep, for the change of the impulse. It takes
     /// out the velocity from repair and curvature. The row had the `law` in the substep of `h` \[s\], and
-    /// `state` has q at its end.
+    /// `state` has q at its end. Its joint may break if `breaks`.
     pub(crate) fn relaxing_law(
         &self,
         law: &Interval<f64>,
         state: &RowState,
-        h: f64,
+        (h, breaks): (f64, bool),
     ) -> Interval<f64> {
         let compliance = law.compliance;
         let &RowState { value, solved, .. } = state;
@@ -413,6 +413,12 @@ impl Role {
                 match () {
                     () if solved > 0.0 => ([below; 2], [-solved, f64::INFINITY]),
                     () if solved < 0.0 => ([above; 2], [f64::NEG_INFINITY, -solved]),
+                    // One that has not been reached, and can break, bears a blow in one substep.
+                    () if breaks => {
+                        let out =
+                            |target: f64| if target == 0.0 { 0.0 } else { target * f64::INFINITY };
+                        ([out(below), out(above)], ANY)
+                    }
                     () => ([below, above], ANY),
                 }
             }

@@ -186,3 +186,47 @@ fn a_blow_breaks_glue_in_steps_of_any_length() {
         }
     }
 }
+
+/// A body of 1 kg falls into a rope or onto the limit of a slider, which it reaches anywhere in a step. A thread
+/// takes next to nothing of its momentum, and an impulse breaks what it exceeds, however long steps are.
+#[test]
+fn a_blow_breaks_limits_anywhere_in_a_step() {
+    for (preset, rate) in Preset::both()
+        .into_iter()
+        .flat_map(|preset| [24.0f64, 60.0, 240.0].map(|rate| (preset.clone(), rate)))
+    {
+        for (part, slides) in (0..25u8).flat_map(|part| [(part, true), (part, false)]) {
+            let length = 0.5 + 0.02 * f64::from(part);
+            let momentum = (2.0 * ACCELERATION * length).sqrt();
+            let fall = |breaking: Breaking| -> (bool, f64) {
+                let mut world: World<Rigid3, 3, 3> = preset.world();
+                let mut body = Body::new(Motion::Dynamic, [0.0; 3], Rigid3::ball(0.1));
+                body.inertia = Some(block(1.0, [0.1; 3]));
+                let id = world.add(body).unwrap();
+                let pair = [Some(id), None];
+                let joint = if slides {
+                    Joint::slider(pair).at([0.0; 3]).about([0.0, -1.0, 0.0]).limits(-1.0..=length)
+                } else {
+                    Joint::rope(pair, length).at([0.0; 3])
+                };
+                let joint = world.join(joint.breaking(breaking)).unwrap();
+                let steps = (0.7 * rate).round();
+                for _ in 0..steps as usize {
+                    world.step((1.0 / rate) as f32).unwrap();
+                }
+                let speed = f64::from(world.velocity(id).unwrap().linear[1]);
+                (world.joint(joint).unwrap().broken, speed + ACCELERATION * steps / rate)
+            };
+            let what = |of: &str| format!("{of} at {rate} Hz, {length} m, slides: {slides}");
+            let (broken, taken) = fall(Breaking { force: 1.0, ..Breaking::NEVER });
+            assert!(broken, "{}", what("thread"));
+            preset.below(&what("part of a momentum taken"), taken.abs() / momentum, 0.03);
+            let (broken, _) = fall(Breaking { impulse: 0.9 * momentum, ..Breaking::NEVER });
+            assert!(broken, "{}, {}", preset.name, what("less than the momentum"));
+            let (broken, _) = fall(Breaking { impulse: 1.2 * momentum, ..Breaking::NEVER });
+            assert!(!broken, "{}, {}", preset.name, what("more than the momentum"));
+            let (broken, _) = fall(Breaking { force: 100.0, ..Breaking::NEVER });
+            assert!(broken, "{}, {}", preset.name, what("a force"));
+        }
+    }
+}
