@@ -108,6 +108,7 @@ pub(crate) fn made(name: &str) -> Option<Case> {
         dimension,
         gravity,
         time_step: 1.0 / 60.0,
+        track: WorldTrack::default(),
         steps: Some(steps),
         bodies_as: BodiesAs::Rigid,
         bodies: bodies.iter().map(|body| body.described(dimension, friction)).collect(),

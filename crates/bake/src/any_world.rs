@@ -52,6 +52,9 @@ macro_rules! each {
     };
 }
 
+/// A step of a scene that simulates less than this leaves all bodies where they are. \[s\]
+const STILL: f64 = 1e-9;
+
 /// A world of any kind, which is chosen when the program runs.
 ///
 /// Bodies are described as in scenes. Their state is read and set in slices of `f32`. A pose is in
@@ -295,17 +298,40 @@ impl AnyWorld {
     /// # Errors
     /// The step or a setting is out of range, or a track leads too far or too fast.
     pub fn step(&mut self, dt: f64) -> Result<StepReport, InputError> {
-        let time = self.time + dt;
+        self.advance(dt, dt)
+    }
+
+    /// Takes a step of a scene, counted from 0, at the speed and with the gravity that it has then. The
+    /// [time](Self::time) passes by the time step of the scene.
+    ///
+    /// # Errors
+    /// Those of [`step`](Self::step).
+    pub fn step_scene(&mut self, scene: &Scene, step: usize) -> Result<StepReport, InputError> {
+        let (dt, gravity) = scene.terms_of(step);
+        if !scene.track.times.is_empty() {
+            let gravity: Vec<f32> = gravity.iter().map(|x| *x as f32).collect();
+            self.set_gravity(&gravity)?;
+        }
+        if dt < STILL {
+            self.time += scene.time_step;
+            return Ok(StepReport::default());
+        }
+        self.advance(scene.time_step, dt)
+    }
+
+    /// Advances the world by `dt` while so much `passing` time of its tracks passes. \[s\]
+    fn advance(&mut self, passing: f64, dt: f64) -> Result<StepReport, InputError> {
+        let time = self.time + passing;
         let (worlds, guides) = (&mut self.worlds, Arc::clone(&self.guides));
         for (&slot, guide) in guides.iter() {
-            each!(worlds, world => slices::guide(world, slot, guide, [time, dt]))?;
+            each!(worlds, world => slices::guide(world, slot, guide, [time, passing, dt]))?;
         }
         let report = each!(worlds, world => world.step(dt as f32))?;
         self.time = time;
         Ok(report)
     }
 
-    /// Returns the time since the start, the sum of all steps. \[s\]
+    /// Returns the time since the start: of its tracks, or the sum of all steps. \[s\]
     pub fn time(&self) -> f64 {
         self.time
     }

@@ -226,7 +226,8 @@ impl<'a> AuditScene<'a> {
     /// \[m^2/s^2\]
     fn energy(&self, frame: usize, body: usize, reach: f64) -> f64 {
         let [from, to] = [frame.saturating_sub(1), frame].map(|frame| self.body(frame, body));
-        let rate = 1.0 / self.recording.frame_time;
+        let (dt, gravity) = self.scene.terms_of((self.recording.start + frame).saturating_sub(1));
+        let rate = if dt > 0.0 { 1.0 / dt } else { 0.0 };
         let start = &self.scene.bodies[body];
         let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let mut speed = norm(minus(to.position, from.position)) * rate;
@@ -238,8 +239,7 @@ impl<'a> AuditScene<'a> {
             spin = reach * length(&start.angular_velocity);
         }
         let factor = start.gravity_factor;
-        let height: f64 =
-            self.scene.gravity.iter().zip(to.position).map(|(g, x)| -g * factor * x).sum();
+        let height: f64 = gravity.iter().zip(to.position).map(|(g, x)| -g * factor * x).sum();
         0.5 * speed * speed + 0.2 * spin * spin + height
     }
 

@@ -176,7 +176,7 @@ pub fn check_with(
     let (near, masses) = (world.nearby(), world.masses());
     // Only steps with certificates look for jams.
     let certifying = StepSettings { certify: true, ..settings.clone() };
-    let wedged = build_with(scene, certifying, known)?.step(scene.time_step)?.jams;
+    let wedged = build_with(scene, certifying, known)?.step_scene(scene, 0)?.jams;
 
     let mut findings = contacts::overlaps(scene, &near);
     findings.extend(contacts::wedged(scene, &wedged));

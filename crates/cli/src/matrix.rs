@@ -91,9 +91,9 @@ fn simulate(
     let settings = drystone_bake::settings(scene, StepSettings::certified())?;
     let mut world = build_with(scene, settings, &mut Decompositions::of_user())
         .map_err(|error| Failure::Input(format!("{file}: {error}")))?;
-    for step in 1..=arguments.step {
-        world.save_systems(step == arguments.step);
-        world.step(scene.time_step)?;
+    for step in 0..arguments.step {
+        world.save_systems(step + 1 == arguments.step);
+        world.step_scene(scene, step as usize)?;
     }
     let saved = world.saved().transpose();
     let saved = saved.map_err(|error| Failure::Diverged(format!("{file}: {error}")))?;

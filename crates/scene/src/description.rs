@@ -20,6 +20,8 @@ pub struct Scene {
     pub gravity: Vec<f64>,
     /// Length of a time step. \[s\]
     pub time_step: f64,
+    /// Speed and gravity over time, if they change.
+    pub track: WorldTrack,
     /// Number of steps to run, if the scene specifies it.
     pub steps: Option<u32>,
     /// Whether bodies are rigid or particles. Particles never rotate.
@@ -33,6 +35,28 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Returns the time that a step simulates \[s\], and gravity in it \[m/s^2\]. Steps count from 0.
+    pub fn terms_of(&self, step: usize) -> (f64, Vec<f64>) {
+        if self.track.times.is_empty() {
+            return (self.time_step, self.gravity.clone());
+        }
+        let (speed, gravity) = self.track.at((step + 1) as f64 * self.time_step);
+        (speed * self.time_step, gravity)
+    }
+
+    /// Returns the longest time that a step may simulate. \[s\]
+    pub fn longest_step(&self) -> f64 {
+        self.time_step * self.track.speeds.iter().copied().reduce(f64::max).unwrap_or(1.0)
+    }
+
+    /// Returns the time that so many steps simulate together. \[s\]
+    pub fn simulated(&self, steps: usize) -> f64 {
+        if self.track.times.is_empty() {
+            return steps as f64 * self.time_step;
+        }
+        (0..steps).map(|step| self.terms_of(step).0).sum()
+    }
+
     /// Returns the names of all bodies; a body without a name is called `body 12` by its index.
     pub fn names(&self) -> Vec<String> {
         let name = |(i, body): (usize, &Body)| body.name.clone().unwrap_or(format!("body {i}"));
@@ -366,6 +390,40 @@ impl Default for Filter {
     }
 }
 
+/// Speed and gravity of a world over time: interpolated between keys, constant before the first and
+/// after the last. A step has those at its end.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct WorldTrack {
+    /// Times in ascending order. \[s\]
+    pub times: Vec<f64>,
+    /// Time that is simulated over that of the scene, one per time: 0.1 is slow motion, at 0 all stands
+    /// still. \[1\]
+    pub speeds: Vec<f64>,
+    /// Accelerations of free fall, one per time. \[m/s^2\]
+    pub gravities: Vec<Vec<f64>>,
+}
+
+impl WorldTrack {
+    /// Returns the speed and gravity at `time` \[s\]. \[1, m/s^2\]
+    ///
+    /// # Panics
+    /// If the track has no keys.
+    pub fn at(&self, time: f64) -> (f64, Vec<f64>) {
+        let ([i, j], t) = between(&self.times, time);
+        let mix = |a: f64, b: f64| a + (b - a) * t;
+        let gravities = self.gravities[i].iter().zip(&self.gravities[j]);
+        (mix(self.speeds[i], self.speeds[j]), gravities.map(|(a, b)| mix(*a, *b)).collect())
+    }
+}
+
+/// Returns the keys between which a time is, and its place between them from 0 to 1.
+fn between(times: &[f64], time: f64) -> ([usize; 2], f64) {
+    let after = times.partition_point(|&key| key <= time);
+    let (i, j) = (after.saturating_sub(1), after.min(times.len() - 1));
+    let span = times[j] - times[i];
+    ([i, j], if span > 0.0 { (time - times[i]) / span } else { 0.0 })
+}
+
 /// Poses over time of a body: interpolated between keys, constant before the first and
 /// after the last.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -385,11 +443,7 @@ impl Track {
     /// # Panics
     /// If the track has no keys.
     pub fn at(&self, time: f64) -> (Vec<f64>, Rotation) {
-        let after = self.times.partition_point(|&key| key <= time);
-        let i = after.saturating_sub(1);
-        let j = after.min(self.times.len() - 1);
-        let span = self.times[j] - self.times[i];
-        let t = if span > 0.0 { (time - self.times[i]) / span } else { 0.0 };
+        let ([i, j], t) = between(&self.times, time);
         let position = self.positions[i]
             .iter()
             .zip(&self.positions[j])

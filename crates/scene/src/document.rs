@@ -34,6 +34,10 @@ pub(super) struct SceneDocument {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1e-6, max = 1.0))]
     pub(super) time_step: Option<f64>,
+    /// Keys of speed and gravity, if they change.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(default)]
+    pub(super) track: Vec<WorldKeyDocument>,
     /// Number of steps to run.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 10_000_000))]
@@ -67,6 +71,25 @@ pub(super) struct SceneDocument {
     /// Anything; ignored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) extras: Option<Value>,
+}
+
+/// Speed and gravity at a time. They are interpolated between keys, and held before the first and after
+/// the last. A step has those at its end.
+#[derive(Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(rename = "WorldKey")]
+pub(super) struct WorldKeyDocument {
+    /// Time [s]; above that of the key before.
+    pub(super) time: f64,
+    /// Time that is simulated over that of the scene [1]: 0.1 is slow motion, at 0 all stands still; 1 if
+    /// absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub(super) speed: Option<f64>,
+    /// Acceleration of free fall [m/s^2]; that of the scene if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 2, max = 3))]
+    pub(super) gravity: Option<Vec<f64>>,
 }
 
 /// Material of the inside of bodies.

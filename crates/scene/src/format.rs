@@ -26,14 +26,14 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use self::body::read_body;
+use self::body::{read_body, read_time};
 use self::cursor::{FieldCursor, Range, ReadContext, TableCursor};
 use self::joint::read_joints;
 use self::joint::setup::JointSetup;
 use self::setup::Setup;
 use self::surface::{SurfaceFields, Systems, read_surface};
 use self::tree::{Text, Tree, TreeNode};
-use super::description::{BodiesAs, Body, Motion, Scene, ShapeKind};
+use super::description::{BodiesAs, Body, Motion, Scene, ShapeKind, WorldTrack};
 use super::engine::{Engine, NoEngine, SettingFault};
 use super::error::SceneError;
 use super::read::Read;
@@ -45,6 +45,7 @@ pub(super) const SCENE_KEYS: &[&str] = &[
     "dimension",
     "gravity",
     "time_step",
+    "track",
     "steps",
     "duration",
     "bodies_as",
@@ -56,6 +57,10 @@ pub(super) const SCENE_KEYS: &[&str] = &[
     "extras",
 ];
 
+/// Longest time that a step simulates. \[s\]
+const LONGEST_STEP: f64 = 1.0;
+/// Accelerations of free fall that a scene may have.
+const FALL: Range = Range::new(-1e6, 1e6, "m/s^2");
 pub(super) const TIME_STEP: f64 = 1.0 / 60.0;
 pub(super) const GRAVITY: f64 = -9.81;
 const MAX_STEPS: u32 = 10_000_000;
@@ -122,7 +127,7 @@ fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, Sce
     };
     let mut gravity = vec![0.0; dimension];
     gravity.iter_mut().skip(1).take(1).for_each(|y| *y = GRAVITY);
-    let time_step = table.real_or("time_step", &Range::new(1e-6, 1.0, "s"), TIME_STEP)?;
+    let time_step = table.real_or("time_step", &Range::new(1e-6, LONGEST_STEP, "s"), TIME_STEP)?;
     let bodies_as = match table.get("bodies_as") {
         None => BodiesAs::Rigid,
         Some(field) => {
@@ -135,10 +140,12 @@ fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, Sce
     let bodies = read_bodies(&table, dimension, bodies_as)?;
     let particles = bodies_as == BodiesAs::Particles;
     let joints = read_joints(&table, &JointSetup::new(dimension, particles, &bodies))?;
+    let gravity = table.vector_or("gravity", &FALL, gravity)?;
     Ok(Scene {
         name: table.get("name").map(|name| name.text().map(str::to_owned)).transpose()?,
         dimension,
-        gravity: table.vector_or("gravity", &Range::new(-1e6, 1e6, "m/s^2"), gravity)?,
+        track: read_world_track(&table, time_step, &gravity)?,
+        gravity,
         time_step,
         steps: read_steps(&table, time_step)?,
         bodies_as,
@@ -149,6 +156,27 @@ fn read_scene(field: &FieldCursor<'_>, engine: &dyn Engine) -> Result<Scene, Sce
             Some(field) => read_solver(&field, engine)?,
         },
     })
+}
+
+fn read_world_track(
+    table: &TableCursor<'_>,
+    time_step: f64,
+    gravity: &[f64],
+) -> Result<WorldTrack, SceneError> {
+    let mut track = WorldTrack::default();
+    let Some(field) = table.get("track") else {
+        return Ok(track);
+    };
+    // A step is at most as long as that of a scene without speeds.
+    let speeds = Range::new(0.0, (LONGEST_STEP / time_step).min(1000.0), "1");
+    for (i, item) in field.items("a list of keys")?.enumerate() {
+        let owner = table.nested(format!("key {i} of the track"));
+        let key = item.table(&["time", "speed", "gravity"], &owner)?;
+        track.times.push(read_time(&key, track.times.last())?);
+        track.speeds.push(key.real_or("speed", &speeds, 1.0)?);
+        track.gravities.push(key.vector_or("gravity", &FALL, gravity.to_vec())?);
+    }
+    Ok(track)
 }
 
 fn read_steps(table: &TableCursor<'_>, time_step: f64) -> Result<Option<u32>, SceneError> {

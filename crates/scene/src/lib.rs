@@ -60,7 +60,7 @@ pub use vertex_track::{VertexTrack, VertexTrackFault};
 
 pub use description::{
     BodiesAs, Body, Combine, Filter, Mass, Material, Motion, Rotation, Scene, Shape, ShapeKind,
-    SurfaceVelocity, Track,
+    SurfaceVelocity, Track, WorldTrack,
 };
 pub use engine::{Engine, Hull, NoEngine, SettingFault, Solid, Weight};
 pub use error::{Place, SceneError, Warning};

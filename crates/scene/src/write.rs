@@ -9,12 +9,13 @@ use self::defaults::{number_unless, rotation_document, rotation_unless, unless};
 use self::joint::joint_document;
 use super::description::{
     BodiesAs, Body, Combine, Filter, Material, Motion, Rotation, Scene, Shape, SurfaceVelocity,
-    Track,
+    Track, WorldTrack,
 };
 use super::document::values::Unbounded;
 use super::document::{
     BodyDocument, CollisionDocument, InertiaDocument, KeyDocument, SceneDocument, ShapeDocument,
     SpinDocument, SurfaceDocument, SurfaceMotionDocument, SurfaceVelocityDocument,
+    WorldKeyDocument,
 };
 use super::format::surface::default_material;
 use super::format::{GRAVITY, TIME_STEP};
@@ -55,6 +56,7 @@ fn document(scene: &Scene) -> SceneDocument {
         dimension: (scene.dimension != 3).then_some(scene.dimension),
         gravity: unless(&scene.gravity, &gravity),
         time_step: (scene.time_step != TIME_STEP).then_some(scene.time_step),
+        track: world_keys(scene),
         steps: scene.steps,
         bodies_as: particles.then_some(BodiesAs::Particles),
         solver: scene.solver.clone(),
@@ -186,6 +188,16 @@ fn collision(filter: Filter, default: Filter) -> Option<CollisionDocument> {
         collides_with: (!all_but).then(|| names(filter.collides_with)),
         not_collides_with: (all_but && listed).then(|| names(!filter.collides_with)),
     })
+}
+
+fn world_keys(scene: &Scene) -> Vec<WorldKeyDocument> {
+    let WorldTrack { times, speeds, gravities } = &scene.track;
+    let key = |(time, (speed, gravity)): (&f64, (&f64, &Vec<f64>))| WorldKeyDocument {
+        time: *time,
+        speed: number_unless(*speed, 1.0),
+        gravity: unless(gravity, &scene.gravity),
+    };
+    times.iter().zip(speeds.iter().zip(gravities)).map(key).collect()
 }
 
 fn keys(track: &Track) -> Vec<KeyDocument> {

@@ -159,10 +159,10 @@ pub(super) fn guide<G: Geometry<L, A>, const L: usize, const A: usize>(
     world: &mut World<G, L, A>,
     slot: usize,
     guide: &Guide,
-    [time, dt]: [f64; 2],
+    [time, passing, dt]: [f64; 3],
 ) -> Result<(), InputError> {
     let Some(id) = world.body_at(slot) else { return Ok(()) };
-    for mesh in guide.meshes.iter().filter(|mesh| mesh.moves([time - dt, time])) {
+    for mesh in guide.meshes.iter().filter(|mesh| mesh.moves([time - passing, time])) {
         if let Some(collider) = collider_of(world, id, mesh.shape) {
             world.move_vertices(collider, &vectors(&mesh.at(time)))?;
         }
@@ -171,7 +171,7 @@ pub(super) fn guide<G: Geometry<L, A>, const L: usize, const A: usize>(
         let (position, rotation) = guide.track.at(time);
         return follow(world, slot, (&position, &rotation), dt as f32);
     }
-    if guide.leads(time - dt) {
+    if guide.leads(time - passing) {
         world.hold(id, false)?;
     }
     if guide.pushes() && !world.is_sleeping(id) {

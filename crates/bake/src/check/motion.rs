@@ -40,7 +40,7 @@ pub(super) fn too_fast(scene: &Scene, settings: &StepSettings) -> Vec<Finding> {
         };
         let speed = norm(&body.linear_velocity) + norm(&body.angular_velocity) * reach(body) + fall;
         let searches = f64::from(settings.max_searches.max(1));
-        let travel = speed * scene.time_step / searches;
+        let travel = speed * scene.longest_step() / searches;
         if travel > limit {
             let slower = scene.time_step * limit / travel;
             findings.push(Finding {

@@ -22,3 +22,4 @@ mod settings;
 mod surfaces;
 mod usd;
 mod usd_layer;
+mod world_track;

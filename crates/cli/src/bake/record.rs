@@ -103,7 +103,7 @@ impl Bake {
             }
             world.save_systems(length.dump_step == Some(step));
             if step <= bake.steps.len() {
-                world.step(scene.time_step)?;
+                world.step_scene(scene, step - 1)?;
                 journal.compare(step, &bake.steps[step - 1], world.state_hash())?;
             } else {
                 bake.step(world, scene, journal)?;
@@ -206,7 +206,7 @@ impl Bake {
         journal: &mut BakeJournal,
     ) -> Result<(), Failure> {
         let clock = Instant::now();
-        let report = world.step(scene.time_step)?;
+        let report = world.step_scene(scene, self.steps.len())?;
         let time = clock.elapsed();
         let measure = world.measure();
         world.write_poses(&mut self.recording.poses);

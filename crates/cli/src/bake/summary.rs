@@ -40,6 +40,8 @@ pub(super) struct Summary {
     driven: usize,
     /// Simulated time. \[s\]
     simulated: f64,
+    /// Number of steps.
+    steps: usize,
     /// Minimum and maximum over the steps.
     substeps: [u32; 2],
     contacts_mean: f64,
@@ -196,7 +198,9 @@ fn running(scene: &Scene) -> usize {
 /// Returns true if bodies, surfaces or joints of the scene move by themselves, and so may add
 /// energy.
 fn adds_energy(scene: &Scene) -> bool {
-    scene.bodies.iter().any(|body| body.motion == Motion::Kinematic)
+    let lifts = scene.track.gravities.iter().any(|gravity| *gravity != scene.gravity);
+    lifts
+        || scene.bodies.iter().any(|body| body.motion == Motion::Kinematic)
         || released(scene) + deforming(scene) + running(scene) + driven(scene) > 0
 }
 
@@ -229,7 +233,7 @@ fn energy(measure: &Measure) -> f64 {
 
 /// Minimum and maximum number of substeps over the steps.
 fn substeps(steps: &[Step]) -> [u32; 2] {
-    let each = || steps.iter().map(|step| step.report.substeps);
+    let each = || steps.iter().map(|step| step.report.substeps).filter(|count| *count > 0);
     [each().min(), each().max()].map(Option::unwrap_or_default)
 }
 
@@ -276,7 +280,8 @@ impl Summary {
             deforming: deforming(scene),
             running: running(scene),
             driven: driven(scene),
-            simulated: steps.len() as f64 * scene.time_step,
+            simulated: scene.simulated(steps.len()),
+            steps: steps.len(),
             substeps: substeps(steps),
             contacts_mean: contacts().sum::<usize>() as f64 / steps.len().max(1) as f64,
             contacts_max: contacts().max().unwrap_or(0),
@@ -362,7 +367,7 @@ impl Summary {
             (false, 1) => "1 sweep each".to_owned(),
             (false, _) => format!("{iterations} sweeps each"),
         };
-        let steps = counted((self.simulated / scene.time_step).round() as usize, "step");
+        let steps = counted(self.steps, "step");
         format!(
             "{steps} of {:.4} ms, {:.3} s in all; {substeps}, {work}",
             scene.time_step * 1e3,
@@ -513,7 +518,7 @@ impl Summary {
             return "nothing: nothing touched, so there were no contacts to solve".to_owned();
         }
         let mm = |speed: f64| format!("{:.3} mm/s", speed * 1e3);
-        let all = (self.simulated / scene.time_step).round() as usize;
+        let all = self.steps;
         let worst = if of.worst.is_finite() {
             format!("worst {}", mm(of.worst))
         } else {

@@ -234,17 +234,22 @@ fn read_track(
     for (i, item) in field.items("a list of keys")?.enumerate() {
         let owner = table.nested(format!("key {i} of the track"));
         let key = item.table(KEY_KEYS, &owner)?;
-        let time = key.require("time", "a number of seconds")?;
-        let seconds = time.real(&Range::new(-1e9, 1e9, "s"))?;
-        if let Some(last) = track.times.last().filter(|last| seconds <= **last) {
-            return Err(time.refuse(format_args!("times that rise: above {}", Number(*last))));
-        }
-        track.times.push(seconds);
+        track.times.push(read_time(&key, track.times.last())?);
         track.positions.push(key.vector_or("position", &POSITION, position.to_vec())?);
         let turned = key.get("rotation").map(|field| field.rotation(dimension)).transpose()?;
         track.rotations.push(turned.unwrap_or(rotation));
     }
     Ok(track)
+}
+
+/// Reads the time of a key, after the `last` one. \[s\]
+pub(super) fn read_time(key: &TableCursor<'_>, last: Option<&f64>) -> Result<f64, SceneError> {
+    let time = key.require("time", "a number of seconds")?;
+    let seconds = time.real(&Range::new(-1e9, 1e9, "s"))?;
+    match last.filter(|last| seconds <= **last) {
+        Some(last) => Err(time.refuse(format_args!("times that rise: above {}", Number(*last)))),
+        None => Ok(seconds),
+    }
 }
 
 fn read_start_asleep(table: &TableCursor<'_>, motion: Motion) -> Result<bool, SceneError> {

@@ -357,19 +357,31 @@ fn without_joints() -> impl Strategy<Value = Scene> {
             prop_oneof![Just(TIME_STEP), 1e-6..=1.0],
             option::of(0..=10_000_000u32),
             vec((option::of("[^\\n]{0,9}"), body(dimension)), 0..4),
-            solver,
+            (solver, world_track(dimension)),
         )
-            .prop_map(move |(name, gravity, time_step, steps, bodies, solver)| Scene {
-                name,
-                dimension,
-                gravity,
-                time_step,
-                steps,
-                bodies_as: BodiesAs::Rigid,
-                joints: Vec::new(),
-                bodies: numbered(bodies),
-                solver: solver.as_object().unwrap().clone(),
+            .prop_map(move |(name, gravity, time_step, steps, bodies, (solver, track))| {
+                Scene {
+                    name,
+                    dimension,
+                    gravity,
+                    time_step,
+                    track,
+                    steps,
+                    bodies_as: BodiesAs::Rigid,
+                    joints: Vec::new(),
+                    bodies: numbered(bodies),
+                    solver: solver.as_object().unwrap().clone(),
+                }
             })
+    })
+}
+
+fn world_track(dimension: usize) -> impl Strategy<Value = WorldTrack> {
+    let keys = vec((0.0..=1.0f64, vector(dimension)), 0..4);
+    keys.prop_map(|keys| WorldTrack {
+        times: (0..keys.len()).map(|i| i as f64 - 0.3).collect(),
+        speeds: keys.iter().map(|(speed, _)| *speed).collect(),
+        gravities: keys.into_iter().map(|(_, gravity)| gravity).collect(),
     })
 }
 

@@ -759,6 +759,7 @@ pub(crate) fn trial<G: Forms<L, A>, const L: usize, const A: usize>(seed: u64) -
         name: None,
         dimension: L,
         gravity,
+        track: drystone_scene::WorldTrack::default(),
         time_step: 1.0 / [24.0, 30.0, 60.0, 120.0, 240.0][random.below(5)],
         steps: None,
         bodies_as: BodiesAs::Rigid,

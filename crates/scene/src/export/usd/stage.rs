@@ -88,6 +88,7 @@ fn alone(scene: &Scene) -> Scene {
         dimension: scene.dimension,
         gravity: scene.gravity.clone(),
         time_step: scene.time_step,
+        track: scene.track.clone(),
         steps: scene.steps,
         bodies_as: scene.bodies_as,
         bodies: Vec::new(),
