@@ -18,7 +18,7 @@ from .joints import JointExporter
 from .moves import show_moves, take_moves
 from .originals import take_edits
 from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
-from .shapes import ShapeExporter
+from .shapes import ShapeExporter, source_of
 from .space import (compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of, pose_of,
                     refuse_stretching, simulated, time_step, turned, world_of)
 from .survey import survey, survey_unseen
@@ -80,7 +80,7 @@ def generating(things):
     found = []
     for thing in things:
         shown = [of for of in thing.modifiers if of.show_viewport and of.type not in IDLE]
-        if thing.rigid_body.mesh_source == "DEFORM":
+        if source_of(thing) == "DEFORM":
             found += dropwhile(lambda of: of.type in DEFORMING, shown)
     return found
 
@@ -150,8 +150,7 @@ class Exporter:
         parts = [part for thing in self.things if thing.rigid_body.collision_shape == "COMPOUND"
                  for part in thing.children_recursive if part.rigid_body]
         things = [thing for thing in self.things + parts
-                  if thing.rigid_body.collision_shape != "COMPOUND" and thing.rigid_body.mesh_source != "BASE"
-                  and refers(thing)]
+                  if thing.rigid_body.collision_shape != "COMPOUND" and source_of(thing) != "BASE" and refers(thing)]
 
         def vertices():
             return {thing.name_full: self.shapes.body_mesh(thing)[0] for thing in things}
