@@ -19,8 +19,8 @@ from .moves import show_moves, take_moves
 from .originals import take_edits
 from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
 from .shapes import ShapeExporter, source_of
-from .space import (compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of, pose_of,
-                    refuse_stretching, simulated, time_step, turned, world_of)
+from .space import (body_of, compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of,
+                    parts_of, pose_of, refuse_stretching, simulated, time_step, turned, world_of)
 from .survey import survey, survey_unseen
 
 # Longest substep that is asked for. [s]
@@ -85,9 +85,9 @@ def generating(things):
     return found
 
 
-def bodies_of(scene):
-    """Returns the objects that are bodies: those with a rigid body that are no parts of compounds."""
-    return [thing for thing in simulated(scene).values() if not compound_of(thing)]
+def bodies_of(inside):
+    """Returns the objects of a rigid body world that are bodies: those that are no parts of compounds."""
+    return [thing for thing in inside.values() if not compound_of(thing)]
 
 
 def is_below(thing, bodies):
@@ -115,7 +115,7 @@ def sampled(scene, things, kept=frozenset(), others=(), looks=()):
 
 def channels_of(scene):
     """Returns the channels of all objects that a bake may move, by name."""
-    things = bodies_of(scene)
+    things = bodies_of(simulated(scene))
     with still(scene):
         things = [thing for thing in things if may_move(thing) and is_sound(thing) and not is_linked(thing)]
         sampling = sampled(scene, things)
@@ -125,14 +125,14 @@ def channels_of(scene):
 class Exporter:
     """Makes a scene of Drystone of the rigid bodies of a scene of Blender, which is shown still."""
 
-    def __init__(self, context, abilities, substeps, things, instances, kept, findings):
+    def __init__(self, context, abilities, substeps, inside, instances, kept, findings):
         self.scene = context.scene
         self.kept = kept
         self.abilities = abilities
         self.substeps = substeps
         self.findings = findings
-        self.shapes = ShapeExporter(context.evaluated_depsgraph_get(), self.findings)
-        self.things = [thing for thing in things if self.is_sound(thing)]
+        self.shapes = ShapeExporter(context.evaluated_depsgraph_get(), findings, inside)
+        self.things = [thing for thing in bodies_of(inside) if self.is_sound(thing)]
         followed = [thing for thing in self.things if abilities.vertex_track and deforms(thing)]
         self.deforming = Deforming(followed, self.shapes, findings)
         self.shapes.deforming = self.deforming.names
@@ -148,7 +148,7 @@ class Exporter:
         """Notes what follows active bodies by its vertices, or as an instance."""
         movers = [thing for thing in self.things if may_move(thing, self.kept)]
         parts = [part for thing in self.things if thing.rigid_body.collision_shape == "COMPOUND"
-                 for part in thing.children_recursive if part.rigid_body]
+                 for part in parts_of(thing, self.shapes.inside)]
         things = [thing for thing in self.things + parts
                   if thing.rigid_body.collision_shape != "COMPOUND" and source_of(thing) != "BASE" and refers(thing)]
 
@@ -272,7 +272,7 @@ class Exporter:
             self.findings.add(CHANGED, "instancer", f" {FOLLOWING}: {AS_AT_FIRST}", name)
         elif self.sampling.is_moved_rigidly(name):
             self.findings.add(CHANGED, "instancer", MOVING, name)
-        of, shapes = instance.thing.rigid_body, self.shapes.instance(instance.thing, instance.matrix)
+        of, shapes = body_of(instance.thing).rigid_body, self.shapes.instance(instance.thing, instance.matrix)
         return self.described(instance.name, of, "static", instance.matrix, shapes) if shapes else None
 
     def described(self, name, of, motion, matrix, shapes):
@@ -328,7 +328,7 @@ class Exporter:
 def unselected(context):
     """Returns the names of active bodies that are not selected."""
     selected = set(context.view_layer.objects.selected)
-    things = [thing for thing in bodies_of(context.scene) if may_move(thing)]
+    things = [thing for thing in bodies_of(simulated(context.scene)) if may_move(thing)]
     return frozenset(thing.name_full for thing in things if thing not in selected)
 
 
@@ -348,7 +348,7 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
     kept = kept | start.kept if start else kept
     take_edits(scene)
     moves = start.moves if start else take_moves(scene, kept)
-    things, inside, findings = bodies_of(scene), simulated(scene), Findings()
+    inside, findings = simulated(scene), Findings()
     survey_unseen(scene, inside, findings)
     with still(scene, kept):
         instances = instances_of(context.evaluated_depsgraph_get(), objects_of(scene), findings)
@@ -356,7 +356,7 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
         with with_values(left, "show_viewport", False):
             if left:
                 scene.frame_set(first_frame(scene))
-            exporter = Exporter(context, abilities, substeps, things, instances, kept, findings)
+            exporter = Exporter(context, abilities, substeps, inside, instances, kept, findings)
             shot = exporter.export()
             survey(scene, inside, findings, exporter.sampling, exporter.deforming.names)
     if start:

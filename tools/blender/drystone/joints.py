@@ -7,7 +7,7 @@ from mathutils import Matrix
 
 from .curves import animates
 from .findings import CHANGED, LEFT_OUT
-from .space import compound_of, frames_per_second, objects_of, pose_of, rigid
+from .space import body_of, frames_per_second, objects_of, pose_of, rigid
 
 # Largest finite load that Drystone takes. [N, or N m]
 LARGEST_LOAD = 1e20
@@ -180,17 +180,10 @@ class JointExporter:
         things = [thing for thing in objects_of(scene).values() if thing.rigid_body_constraint]
         self.joints = [self.joint(thing) for thing in things if not self.is_left_out(thing)]
 
-    @staticmethod
-    def body_of(thing):
-        """Returns the object whose body a thing belongs to: that of the whole compound, if it is part of one."""
-        while thing.rigid_body and compound_of(thing):
-            thing = compound_of(thing)
-        return thing
-
     def ends(self, thing):
         """Returns the objects of the bodies that a constraint joins, or None."""
         of = thing.rigid_body_constraint
-        return [end and self.body_of(end) for end in (of.object1, of.object2)]
+        return [end and body_of(end) for end in (of.object1, of.object2)]
 
     def is_left_out(self, thing):
         """Tells whether a constraint joins nothing, and notes why."""

@@ -6,7 +6,7 @@ from mathutils import Matrix
 from .findings import CHANGED, LEFT_OUT
 from .masses import mass_keys, solid_of
 from .pieces import OPERATOR, STALE, hash_of, points_of, shown_pieces
-from .space import is_sound, pose_of, rigid, stretch, turned
+from .space import is_sound, parts_of, pose_of, rigid, stretch, turned
 
 # A body is flat if it is thinner than this. [m]
 FLAT = 1e-4
@@ -113,9 +113,11 @@ def is_closed(points, triangles):
 class ShapeExporter:
     """Makes shapes of objects; takes out those that have none, and says why."""
 
-    def __init__(self, depsgraph, findings):
+    def __init__(self, depsgraph, findings, inside=()):
         self.depsgraph = depsgraph
         self.findings = findings
+        # Names of the objects in the rigid body world, of which compounds consist.
+        self.inside = inside
         # Names of objects whose vertices the bake follows.
         self.deforming = frozenset()
         # Solids of the meshes whose pieces are shapes of the body at hand, and these shapes.
@@ -125,7 +127,7 @@ class ShapeExporter:
         """Returns the shapes of a body."""
         self._solids, self._pieces = [], []
         if thing.rigid_body.collision_shape == "COMPOUND":
-            shapes = self._parts(thing, thing, is_dynamic)
+            shapes = self._parts(thing, is_dynamic)
             if not shapes:
                 self.left_out(thing, "without parts")
             return shapes
@@ -150,18 +152,16 @@ class ShapeExporter:
     def _changed(self, thing, noun, how):
         self.findings.add(CHANGED, noun, f": {how}", thing.name_full)
 
-    def _parts(self, body, above, is_dynamic):
-        """Returns the shapes of the parts of a compound, and of the compounds among these."""
+    def _parts(self, body, is_dynamic):
+        """Returns the shapes of the parts of a compound."""
         shapes = []
-        for part in above.children:
-            if part.rigid_body and part.rigid_body.collision_shape == "COMPOUND":
-                shapes += self._parts(body, part, is_dynamic)
-            elif part.rigid_body and is_sound(part):
-                if np.abs(np.abs(part.scale) - 1).max() > UNEVEN:
-                    self.findings.add(CHANGED, "object", SCALED, part.name_full)
-                shapes += self._one(part, is_dynamic, rigid(body).inverted() @ rigid(part))
-            elif part.rigid_body:
+        for part in parts_of(body, self.inside):
+            if not is_sound(part):
                 self.left_out(part, "without a size or a place")
+                continue
+            if np.abs(np.abs(part.scale) - 1).max() > UNEVEN:
+                self.findings.add(CHANGED, "object", SCALED, part.name_full)
+            shapes += self._one(part, is_dynamic, rigid(body).inverted() @ rigid(part))
         return shapes
 
     def mesh(self, thing):
