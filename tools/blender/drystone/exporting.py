@@ -12,7 +12,7 @@ from .channels import Channels
 from .curves import HOLDS, animates
 from .deforming import Deforming, deforms
 from .findings import CHANGED, LEFT_OUT, Findings
-from .forces import Wind, fields
+from .forces import Winds, fields
 from .instances import MOVING, instances_of
 from .joints import JointExporter
 from .moves import show_moves, take_moves
@@ -110,7 +110,7 @@ def sampled(scene, things, kept=frozenset(), others=(), looks=()):
              and thing.name_full not in following]
     passive = [thing for thing in things if thing.rigid_body.type == "PASSIVE" and thing not in watched]
     suspects = [thing for thing in [*passive, *others] if has_reason(thing)]
-    return Sampling(scene, watched, below, suspects, looks, following)
+    return Sampling(scene, watched, below, suspects, looks, {thing.name_full for thing in movers}, following)
 
 
 def channels_of(scene):
@@ -142,7 +142,7 @@ class Exporter:
         others = {*winds, *(each.above for each in instances)} - set(self.things)
         self.sampling = sampled(self.scene, self.things, kept, others, looks)
         self.follow()
-        self.wind = Wind(self.scene, winds, abilities.force, self.sampling, findings)
+        self.winds = Winds(self.scene, winds, abilities.force, self.sampling, findings)
 
     def follow(self):
         """Notes what follows active bodies by its vertices, or as an instance."""
@@ -298,14 +298,16 @@ class Exporter:
     def dynamics(self, thing):
         """Returns the keys that only a dynamic body has."""
         of = thing.rigid_body
+        force, drag = self.winds.on(thing.name_full)
         body = {
             "mass": of.mass,
-            "linear_damping": min(decay(of.linear_damping) + self.wind.drag / of.mass, STRONGEST),
+            "linear_damping": min(decay(of.linear_damping) + drag / of.mass, STRONGEST),
             "angular_damping": decay(of.angular_damping),
         }
-        if self.wind.force.length > 0:
-            body["force"] = turned(self.wind.force)
-        if of.use_deactivation and of.use_start_deactivated and not is_held(thing):
+        if force.length > 0:
+            # Blender wakes the bodies that a wind pushes.
+            body["force"] = turned(force)
+        elif of.use_deactivation and of.use_start_deactivated and not is_held(thing):
             if self.abilities.start_asleep:
                 body["start_asleep"] = True
             else:

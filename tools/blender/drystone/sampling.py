@@ -178,12 +178,13 @@ class Sampling:
 
     `watched` has the objects that may follow keys at some frames; `below` has the active objects with a
     parent that follows no body. `suspects` should keep their places; a few frames show whether they do. `looks`
-    are called at each frame. `following` has the names of objects that follow bodies which the bake moves.
+    are called at each frame. `movers` has the names of the bodies that the bake moves, `following` those of
+    objects that follow these.
     """
 
-    def __init__(self, scene, watched, below, suspects=(), looks=(), following=frozenset()):
+    def __init__(self, scene, watched, below, suspects=(), looks=(), movers=frozenset(), following=frozenset()):
         self.scene = scene
-        self.following = following
+        self.movers, self.following = movers, following
         # Matrices of objects, from the first frame until they are free, by name.
         self.tracks = {thing.name_full: [] for thing in [*watched, *suspects]}
         # Names of watched objects that are free at some frame, and of those that are held again later.
