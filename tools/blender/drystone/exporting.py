@@ -243,6 +243,12 @@ class Exporter:
             return "kinematic" if is_held(thing) else "static"
         if not is_held(thing):
             return "dynamic"
+        if self.sampling.is_stopped_in_flight(name):
+            self.findings.add(CHANGED, "object", " stopped by Dynamic after Animated: released at rest, in Blender "
+                              "with the velocity of its keys", name)
+        if self.sampling.is_dynamic_early(name):
+            self.findings.add(CHANGED, "object", " with Dynamic turned on while Animated: released where keys lead it, "
+                              "in Blender where it was then", name)
         if self.sampling.is_released(name):
             if self.abilities.release:
                 return "dynamic"

@@ -192,5 +192,11 @@ def has_mass(thing):
 
 
 def is_held(thing):
-    """Tells whether an active body follows its keys at this frame."""
+    """Tells whether an active body is not free at this frame: it follows its keys, or is stopped."""
     return thing.rigid_body.kinematic or not thing.rigid_body.enabled
+
+
+def is_stopped(thing):
+    """Tells whether an active body keeps its place at this frame, whatever its keys: it is not Dynamic."""
+    of = thing.rigid_body
+    return of.type == "ACTIVE" and not of.enabled and not of.kinematic
