@@ -15,6 +15,7 @@ from .findings import CHANGED, LEFT_OUT, Findings
 from .forces import Winds, fields
 from .instances import MOVING, instances_of
 from .joints import JointExporter
+from .locks import add_locks, locks_of
 from .moves import show_moves, take_moves
 from .originals import take_edits
 from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
@@ -61,6 +62,8 @@ class Export:
     document: dict
     # Channels of all active bodies, by name.
     channels: dict
+    # Locked axes of dynamic bodies, by name.
+    locks: dict
     findings: Findings = field(default_factory=Findings)
 
     def write(self, path):
@@ -184,9 +187,10 @@ class Exporter:
             raise ValueError("; ".join(["no object has a rigid body that Drystone can bake", *why]))
         motions = {body["name"]: body["motion"] for body in bodies}
         joints = JointExporter(self.scene, motions, self.findings).joints
-        channels = self.channels([thing for thing in self.things if motions.get(thing.name_full) == "dynamic"])
+        moving = [thing for thing in self.things if motions.get(thing.name_full) == "dynamic"]
+        locks = {thing.name_full: locks_of(thing) for thing in moving if locks_of(thing)}
         document = self.world() | {"bodies": bodies} | ({"joints": joints} if joints else {})
-        return Export(document, channels, self.findings)
+        return Export(document, self.channels(moving), locks, self.findings)
 
     def channels(self, things):
         """Returns the channels of active bodies by name, of those that can have keys."""
@@ -369,5 +373,6 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
             survey(scene, inside, findings, exporter.sampling, exporter.deforming.names)
     if start:
         start.begin(shot, abilities)
+    add_locks(shot.document, shot.locks, findings)
     show_moves(scene, moves)
     return shot

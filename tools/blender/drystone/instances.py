@@ -25,7 +25,7 @@ class Instance:
     above: object
 
 
-def _unique(name, names):
+def unique(name, names):
     """Returns a name that no body has, and notes it."""
     number, free = 1, name
     while free in names:
@@ -52,7 +52,7 @@ def instances_of(depsgraph, names, findings):
         if body_of(thing).rigid_body.type == "ACTIVE":
             findings.add(LEFT_OUT, "instancer", ACTIVE, above.name_full)
             continue
-        name = _unique(f"{above.name_full}: {thing.name_full}", names)
+        name = unique(f"{above.name_full}: {thing.name_full}", names)
         if not is_sound(thing, matrix):
             findings.add(LEFT_OUT, "instance", SIZELESS, name)
             continue
