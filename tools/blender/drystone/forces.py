@@ -23,6 +23,17 @@ def is_steady(field):
     return field.type == "WIND" and all(getattr(field, key) in values for key, values in STEADY.items())
 
 
+def turns_of(thing, sampling):
+    """Returns words on what changes a wind after the first frame, or nothing."""
+    if animates(thing, "field", "rotation_"):
+        return "with keys"
+    if thing.name_full in sampling.movers:
+        return "of a body that the simulation moves"
+    if thing.name_full in sampling.following:
+        return "following a body that the simulation moves"
+    return "turned by a parent or a constraint" if sampling.is_turned(thing.name_full) else ""
+
+
 class Winds:
     """The winds of a scene at its first frame, where a binary takes forces.
 
@@ -44,17 +55,9 @@ class Winds:
                 axis = thing.matrix_world.to_3x3().col[2].normalized()
                 force = axis * (weight * field.strength / frames_per_second(scene))
                 self._winds[thing.name_full] = force, weight * field.flow
-                if animates(thing, "field", "rotation_"):
-                    findings.add(CHANGED, "wind", " with keys: as at the first frame", thing.name_full)
-                elif thing.name_full in sampling.movers:
-                    findings.add(CHANGED, "wind", " of a body that the simulation moves: as at the first frame",
-                                 thing.name_full)
-                elif thing.name_full in sampling.following:
-                    findings.add(CHANGED, "wind", " following a body that the simulation moves: as at the first "
-                                 "frame", thing.name_full)
-                elif sampling.is_turned(thing.name_full):
-                    findings.add(CHANGED, "wind", " turned by a parent or a constraint: as at the first frame",
-                                 thing.name_full)
+                turns = turns_of(thing, sampling)
+                if turns:
+                    findings.add(CHANGED, "wind", f" {turns}: as at the first frame", thing.name_full)
 
     def on(self, name):
         """Returns force [N] and drag [N s/m] on a body, which its own wind leaves alone."""
