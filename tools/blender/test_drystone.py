@@ -16,7 +16,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 # Modules of tests, whose functions `test_...` take the program and an empty folder.
-MODULES = ["bodies", "joints", "keys", "actions", "findings", "release", "running", "meanwhile", "here", "contacts", "pieces",
+MODULES = ["bodies", "joints", "locks", "keys", "actions", "findings", "release", "running", "meanwhile", "here", "contacts", "pieces",
            "passive", "hidden", "ranges", "files", "stages", "packaging", "scenes_compared"]
 
 

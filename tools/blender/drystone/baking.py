@@ -13,6 +13,7 @@ from .applying import WAITING, Keys, at_frames, frames_in, read_bake
 from .cache import baked_scene, journal_of, recording_of, remember, whole_of
 from .exporting import export, unselected
 from .findings import CHANGED, LEFT_OUT, counted
+from .locks import is_lock, of_constraints
 from .space import scene_with
 from .start import Start
 
@@ -81,16 +82,20 @@ def take_out(shot, kind, index, where, why):
             shape |= {"type": "convex_hull", "points": points}
         shot.findings.add(CHANGED, "object", UNUSABLE, of["name"], detail=why)
         return True
+    del document[kind][index]
+    if kind == "joints" and is_lock(of):
+        shot.findings.add(LEFT_OUT, "object", " with locks that Drystone refuses: without", *of["bodies"], detail=why)
+        return True
     noun = "object" if kind == "bodies" else "constraint"
     shot.findings.withdraw("object", UNUSABLE, of["name"])
     shot.findings.add(LEFT_OUT, noun, " that Drystone refuses: left out", of["name"], detail=why)
-    del document[kind][index]
     if kind == "bodies":
         shot.channels.pop(of["name"], None)
         joints = [joint for joint in document.get("joints", []) if of["name"] in joint["bodies"]]
         for joint in joints:
-            shot.findings.add(LEFT_OUT, "constraint", " of an object that is no body of the bake: left out",
-                              joint["name"])
+            if not is_lock(joint):
+                shot.findings.add(LEFT_OUT, "constraint", " of an object that is no body of the bake: left out",
+                                  joint["name"])
             document["joints"].remove(joint)
     return bool(document["bodies"])
 
@@ -384,7 +389,8 @@ class Bake(Check):
         else:
             self.said = [f"{counted(len(self.keys.taken), 'body')} baked"]
             self.said += ["no files of the stopped bake: baked from the first frame"] if self.is_anew else []
-            self.said += [line for line in output.splitlines() if line.startswith(SAID)]
+            lines = [line for line in output.splitlines() if line.startswith(SAID)]
+            self.said += of_constraints(lines, self.shot.document.get("joints", []))
             self.said += binary.said_plainly(messages)
         self.said += [f"'{name}' is gone" for name in self.keys.missing()]
         self.said += [f"'{name}' has another parent than at the start of the bake: bake again"

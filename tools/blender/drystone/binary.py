@@ -15,6 +15,7 @@ import bpy
 
 from .exporting import Abilities
 from .findings import PROBLEM
+from .locks import is_lock
 
 NAME = "drystone.exe" if sys.platform == "win32" else "drystone"
 BUNDLED = Path(__file__).parent / "bin" / NAME
@@ -204,11 +205,15 @@ def said_plainly(messages):
 def add_problems(findings, report, document):
     """Adds the findings of `drystone check --json` on a document."""
     by_kind = {}
+    joints = document.get("joints", [])
     for found in json.loads(report)["findings"]:
+        # A lock acts from the release of its body on, wherever this is before.
+        if "joint" in found and is_lock(joints[found["joint"]]):
+            continue
         by_kind.setdefault(found["kind"], []).append(found)
     for kind, several in by_kind.items():
         names = [name for found in several for name in found["names"]]
-        joints = [document["joints"][found["joint"]]["name"] for found in several if "joint" in found]
+        joined = [joints[found["joint"]]["name"] for found in several if "joint" in found]
         detail = f"{several[0]['what']}; {several[0]['advice']}"
         text = KINDS.get(kind, f": {kind.replace('_', ' ')}")
-        findings.add(PROBLEM, "object" if names else "constraint", text, *(names or joints), detail=detail)
+        findings.add(PROBLEM, "object" if names else "constraint", text, *(names or joined), detail=detail)

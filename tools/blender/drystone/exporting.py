@@ -12,15 +12,16 @@ from .channels import Channels
 from .curves import HOLDS, animates
 from .deforming import Deforming, deforms
 from .findings import CHANGED, LEFT_OUT, Findings
-from .forces import Wind, fields
+from .forces import Winds, fields
 from .instances import MOVING, instances_of
 from .joints import JointExporter
+from .locks import add_locks, locks_of
 from .moves import show_moves, take_moves
 from .originals import take_edits
 from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
-from .shapes import ShapeExporter
-from .space import (compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of, pose_of,
-                    refuse_stretching, simulated, time_step, turned, world_of)
+from .shapes import ShapeExporter, source_of
+from .space import (body_of, compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of,
+                    parts_of, pose_of, refuse_stretching, simulated, time_step, turned, world_of)
 from .survey import survey, survey_unseen
 
 # Longest substep that is asked for. [s]
@@ -61,6 +62,8 @@ class Export:
     document: dict
     # Channels of all active bodies, by name.
     channels: dict
+    # Locked axes of dynamic bodies, by name.
+    locks: dict
     findings: Findings = field(default_factory=Findings)
 
     def write(self, path):
@@ -80,14 +83,14 @@ def generating(things):
     found = []
     for thing in things:
         shown = [of for of in thing.modifiers if of.show_viewport and of.type not in IDLE]
-        if thing.rigid_body.mesh_source == "DEFORM":
+        if source_of(thing) == "DEFORM":
             found += dropwhile(lambda of: of.type in DEFORMING, shown)
     return found
 
 
-def bodies_of(scene):
-    """Returns the objects that are bodies: those with a rigid body that are no parts of compounds."""
-    return [thing for thing in simulated(scene).values() if not compound_of(thing)]
+def bodies_of(inside):
+    """Returns the objects of a rigid body world that are bodies: those that are no parts of compounds."""
+    return [thing for thing in inside.values() if not compound_of(thing)]
 
 
 def is_below(thing, bodies):
@@ -110,12 +113,12 @@ def sampled(scene, things, kept=frozenset(), others=(), looks=()):
              and thing.name_full not in following]
     passive = [thing for thing in things if thing.rigid_body.type == "PASSIVE" and thing not in watched]
     suspects = [thing for thing in [*passive, *others] if has_reason(thing)]
-    return Sampling(scene, watched, below, suspects, looks, following)
+    return Sampling(scene, watched, below, suspects, looks, {thing.name_full for thing in movers}, following)
 
 
 def channels_of(scene):
     """Returns the channels of all objects that a bake may move, by name."""
-    things = bodies_of(scene)
+    things = bodies_of(simulated(scene))
     with still(scene):
         things = [thing for thing in things if may_move(thing) and is_sound(thing) and not is_linked(thing)]
         sampling = sampled(scene, things)
@@ -125,14 +128,14 @@ def channels_of(scene):
 class Exporter:
     """Makes a scene of Drystone of the rigid bodies of a scene of Blender, which is shown still."""
 
-    def __init__(self, context, abilities, substeps, things, instances, kept, findings):
+    def __init__(self, context, abilities, substeps, inside, instances, kept, findings):
         self.scene = context.scene
         self.kept = kept
         self.abilities = abilities
         self.substeps = substeps
         self.findings = findings
-        self.shapes = ShapeExporter(context.evaluated_depsgraph_get(), self.findings)
-        self.things = [thing for thing in things if self.is_sound(thing)]
+        self.shapes = ShapeExporter(context.evaluated_depsgraph_get(), findings, inside)
+        self.things = [thing for thing in bodies_of(inside) if self.is_sound(thing)]
         followed = [thing for thing in self.things if abilities.vertex_track and deforms(thing)]
         self.deforming = Deforming(followed, self.shapes, findings)
         self.shapes.deforming = self.deforming.names
@@ -142,16 +145,15 @@ class Exporter:
         others = {*winds, *(each.above for each in instances)} - set(self.things)
         self.sampling = sampled(self.scene, self.things, kept, others, looks)
         self.follow()
-        self.wind = Wind(self.scene, winds, abilities.force, self.sampling, findings)
+        self.winds = Winds(self.scene, winds, abilities.force, self.sampling, findings)
 
     def follow(self):
         """Notes what follows active bodies by its vertices, or as an instance."""
         movers = [thing for thing in self.things if may_move(thing, self.kept)]
         parts = [part for thing in self.things if thing.rigid_body.collision_shape == "COMPOUND"
-                 for part in thing.children_recursive if part.rigid_body]
+                 for part in parts_of(thing, self.shapes.inside)]
         things = [thing for thing in self.things + parts
-                  if thing.rigid_body.collision_shape != "COMPOUND" and thing.rigid_body.mesh_source != "BASE"
-                  and refers(thing)]
+                  if thing.rigid_body.collision_shape != "COMPOUND" and source_of(thing) != "BASE" and refers(thing)]
 
         def vertices():
             return {thing.name_full: self.shapes.body_mesh(thing)[0] for thing in things}
@@ -185,9 +187,10 @@ class Exporter:
             raise ValueError("; ".join(["no object has a rigid body that Drystone can bake", *why]))
         motions = {body["name"]: body["motion"] for body in bodies}
         joints = JointExporter(self.scene, motions, self.findings).joints
-        channels = self.channels([thing for thing in self.things if motions.get(thing.name_full) == "dynamic"])
+        moving = [thing for thing in self.things if motions.get(thing.name_full) == "dynamic"]
+        locks = {thing.name_full: locks_of(thing) for thing in moving if locks_of(thing)}
         document = self.world() | {"bodies": bodies} | ({"joints": joints} if joints else {})
-        return Export(document, channels, self.findings)
+        return Export(document, self.channels(moving), locks, self.findings)
 
     def channels(self, things):
         """Returns the channels of active bodies by name, of those that can have keys."""
@@ -244,6 +247,12 @@ class Exporter:
             return "kinematic" if is_held(thing) else "static"
         if not is_held(thing):
             return "dynamic"
+        if self.sampling.is_stopped_in_flight(name):
+            self.findings.add(CHANGED, "object", " stopped by Dynamic after Animated: released at rest, in Blender "
+                              "with the velocity of its keys", name)
+        if self.sampling.is_dynamic_early(name):
+            self.findings.add(CHANGED, "object", " with Dynamic turned on while Animated: released where keys lead it, "
+                              "in Blender where it was then", name)
         if self.sampling.is_released(name):
             if self.abilities.release:
                 return "dynamic"
@@ -273,7 +282,7 @@ class Exporter:
             self.findings.add(CHANGED, "instancer", f" {FOLLOWING}: {AS_AT_FIRST}", name)
         elif self.sampling.is_moved_rigidly(name):
             self.findings.add(CHANGED, "instancer", MOVING, name)
-        of, shapes = instance.thing.rigid_body, self.shapes.instance(instance.thing, instance.matrix)
+        of, shapes = body_of(instance.thing).rigid_body, self.shapes.instance(instance.thing, instance.matrix)
         return self.described(instance.name, of, "static", instance.matrix, shapes) if shapes else None
 
     def described(self, name, of, motion, matrix, shapes):
@@ -299,14 +308,16 @@ class Exporter:
     def dynamics(self, thing):
         """Returns the keys that only a dynamic body has."""
         of = thing.rigid_body
+        force, drag = self.winds.on(thing.name_full)
         body = {
             "mass": of.mass,
-            "linear_damping": min(decay(of.linear_damping) + self.wind.drag / of.mass, STRONGEST),
+            "linear_damping": min(decay(of.linear_damping) + drag / of.mass, STRONGEST),
             "angular_damping": decay(of.angular_damping),
         }
-        if self.wind.force.length > 0:
-            body["force"] = turned(self.wind.force)
-        if of.use_deactivation and of.use_start_deactivated and not is_held(thing):
+        if force.length > 0:
+            # Blender wakes the bodies that a wind pushes.
+            body["force"] = turned(force)
+        elif of.use_deactivation and of.use_start_deactivated and not is_held(thing):
             if self.abilities.start_asleep:
                 body["start_asleep"] = True
             else:
@@ -329,7 +340,7 @@ class Exporter:
 def unselected(context):
     """Returns the names of active bodies that are not selected."""
     selected = set(context.view_layer.objects.selected)
-    things = [thing for thing in bodies_of(context.scene) if may_move(thing)]
+    things = [thing for thing in bodies_of(simulated(context.scene)) if may_move(thing)]
     return frozenset(thing.name_full for thing in things if thing not in selected)
 
 
@@ -349,7 +360,7 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
     kept = kept | start.kept if start else kept
     take_edits(scene)
     moves = start.moves if start else take_moves(scene, kept)
-    things, inside, findings = bodies_of(scene), simulated(scene), Findings()
+    inside, findings = simulated(scene), Findings()
     survey_unseen(scene, inside, findings)
     with still(scene, kept):
         instances = instances_of(context.evaluated_depsgraph_get(), objects_of(scene), findings)
@@ -357,10 +368,11 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
         with with_values(left, "show_viewport", False):
             if left:
                 scene.frame_set(first_frame(scene))
-            exporter = Exporter(context, abilities, substeps, things, instances, kept, findings)
+            exporter = Exporter(context, abilities, substeps, inside, instances, kept, findings)
             shot = exporter.export()
             survey(scene, inside, findings, exporter.sampling, exporter.deforming.names)
     if start:
         start.begin(shot, abilities)
+    add_locks(shot.document, shot.locks, findings)
     show_moves(scene, moves)
     return shot

@@ -23,15 +23,26 @@ def is_steady(field):
     return field.type == "WIND" and all(getattr(field, key) in values for key, values in STEADY.items())
 
 
-class Wind:
-    """The sum of all winds of a scene at its first frame, where a binary takes forces.
+def turns_of(thing, sampling):
+    """Returns words on what changes a wind after the first frame, or nothing."""
+    if animates(thing, "field", "rotation_"):
+        return "with keys"
+    if thing.name_full in sampling.movers:
+        return "of a body that the simulation moves"
+    if thing.name_full in sampling.following:
+        return "following a body that the simulation moves"
+    return "turned by a parent or a constraint" if sampling.is_turned(thing.name_full) else ""
+
+
+class Winds:
+    """The winds of a scene at its first frame, where a binary takes forces.
 
     Blender pushes a body with F = s / r n - f v: strength s, rate of frames r, axis n, flow f.
     """
 
     def __init__(self, scene, things, can_push, sampling, findings):
-        # [N], [N s/m]
-        self.force, self.drag = Vector(), 0.0
+        # Force [N] and drag [N s/m] of each wind, by the name of its object.
+        self._winds = {}
         weights = scene.rigidbody_world.effector_weights
         weight = weights.all * weights.wind
         for thing in things:
@@ -42,13 +53,13 @@ class Wind:
                 findings.add(LEFT_OUT, "wind", ": not known to this version of drystone", thing.name_full)
             elif field.apply_to_location:
                 axis = thing.matrix_world.to_3x3().col[2].normalized()
-                self.force += axis * (weight * field.strength / frames_per_second(scene))
-                self.drag += weight * field.flow
-                if animates(thing, "field", "rotation_"):
-                    findings.add(CHANGED, "wind", " with keys: as at the first frame", thing.name_full)
-                elif thing.name_full in sampling.following:
-                    findings.add(CHANGED, "wind", " following a body that the simulation moves: as at the first "
-                                 "frame", thing.name_full)
-                elif sampling.is_turned(thing.name_full):
-                    findings.add(CHANGED, "wind", " turned by a parent or a constraint: as at the first frame",
-                                 thing.name_full)
+                force = axis * (weight * field.strength / frames_per_second(scene))
+                self._winds[thing.name_full] = force, weight * field.flow
+                turns = turns_of(thing, sampling)
+                if turns:
+                    findings.add(CHANGED, "wind", f" {turns}: as at the first frame", thing.name_full)
+
+    def on(self, name):
+        """Returns force [N] and drag [N s/m] on a body, which its own wind leaves alone."""
+        others = [of for emitter, of in self._winds.items() if emitter != name]
+        return sum((force for force, _ in others), Vector()), sum(drag for _, drag in others)

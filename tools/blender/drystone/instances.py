@@ -6,7 +6,7 @@ from mathutils import Matrix
 
 from .findings import CHANGED, LEFT_OUT
 from .sampling import may_be_moved
-from .space import is_sound
+from .space import body_of, is_sound
 
 ACTIVE = " of active objects: left out. Object > Apply > Make Instances Real"
 MESHES = " with instances of meshes by Geometry Nodes: only its own mesh collides, unless realized"
@@ -25,7 +25,7 @@ class Instance:
     above: object
 
 
-def _unique(name, names):
+def unique(name, names):
     """Returns a name that no body has, and notes it."""
     number, free = 1, name
     while free in names:
@@ -46,13 +46,13 @@ def instances_of(depsgraph, names, findings):
             if thing.rigid_body:
                 findings.add(LEFT_OUT, "object", MESHES, above.name_full)
             continue
-        # The parts of a compound are instances as well.
+        # The parts of a compound are instances as well, and have its type.
         if not thing.rigid_body or thing.rigid_body.collision_shape == "COMPOUND":
             continue
-        if thing.rigid_body.type == "ACTIVE":
+        if body_of(thing).rigid_body.type == "ACTIVE":
             findings.add(LEFT_OUT, "instancer", ACTIVE, above.name_full)
             continue
-        name = _unique(f"{above.name_full}: {thing.name_full}", names)
+        name = unique(f"{above.name_full}: {thing.name_full}", names)
         if not is_sound(thing, matrix):
             findings.add(LEFT_OUT, "instance", SIZELESS, name)
             continue

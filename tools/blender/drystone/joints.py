@@ -7,7 +7,7 @@ from mathutils import Matrix
 
 from .curves import animates
 from .findings import CHANGED, LEFT_OUT
-from .space import compound_of, frames_per_second, objects_of, pose_of, rigid
+from .space import body_of, frames_per_second, objects_of, pose_of, rigid
 
 # Largest finite load that Drystone takes. [N, or N m]
 LARGEST_LOAD = 1e20
@@ -168,6 +168,11 @@ JOINTS = {
 }
 
 
+BREAKS = "that may break, with Disable Collisions: once broken, the objects collide, in Blender they never do"
+# A joint that acts, as one that keeps collisions off must, and that bounds nothing.
+FREE = {"type": "general", "x": {"limits": ["-inf", "inf"]}}
+
+
 class JointExporter:
     """Makes joints of the constraints of a scene whose bodies have these motions, at its first frame."""
 
@@ -180,17 +185,10 @@ class JointExporter:
         things = [thing for thing in objects_of(scene).values() if thing.rigid_body_constraint]
         self.joints = [self.joint(thing) for thing in things if not self.is_left_out(thing)]
 
-    @staticmethod
-    def body_of(thing):
-        """Returns the object whose body a thing belongs to: that of the whole compound, if it is part of one."""
-        while thing.rigid_body and compound_of(thing):
-            thing = compound_of(thing)
-        return thing
-
     def ends(self, thing):
         """Returns the objects of the bodies that a constraint joins, or None."""
         of = thing.rigid_body_constraint
-        return [end and self.body_of(end) for end in (of.object1, of.object2)]
+        return [end and body_of(end) for end in (of.object1, of.object2)]
 
     def is_left_out(self, thing):
         """Tells whether a constraint joins nothing, and notes why."""
@@ -214,7 +212,9 @@ class JointExporter:
         return True
 
     def joint(self, thing):
+        """Returns the joint of a constraint; that of a disabled one without collisions leaves all motions free."""
         of = thing.rigid_body_constraint
+        is_filter = of.disable_collisions and not of.enabled
         self.remark(thing, of)
         ends = self.ends(thing)[::-1]
         joint = {
@@ -222,10 +222,10 @@ class JointExporter:
             "bodies": [end.name_full for end in ends],
             "frames": [self.frame(thing, end) for end in ends],
             "collide": not of.disable_collisions,
-            "enabled": of.enabled,
-            **JOINTS[of.type](of),
+            "enabled": of.enabled or is_filter,
+            **(FREE if is_filter else JOINTS[of.type](of)),
         }
-        if of.use_breaking:
+        if of.use_breaking and of.enabled:
             most = load(of.breaking_threshold * self.steps_per_second())
             joint["breaking"] = {"force": most, "torque": most}
         return joint
@@ -247,6 +247,8 @@ class JointExporter:
         def changed(text):
             self.findings.add(CHANGED, "constraint", f" {text}", thing.name_full)
 
+        if of.use_breaking and of.enabled and of.disable_collisions:
+            changed(BREAKS)
         if of.use_override_solver_iterations:
             changed("with a number of iterations: it has no meaning")
         if animates(thing, "rigid_body_constraint"):

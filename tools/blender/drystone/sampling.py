@@ -8,7 +8,7 @@ from mathutils import Euler, Vector
 
 from . import originals
 from .curves import HOLDS, animates, curves_of, drivers_of
-from .space import disabled, first_frame, has_mass, is_baked, is_held, rigid_part, world_of
+from .space import disabled, first_frame, has_mass, is_baked, is_held, is_stopped, rigid_part, world_of
 
 # Largest change of a pose that is none. [m, or 1]
 STILL = 1e-6
@@ -178,16 +178,19 @@ class Sampling:
 
     `watched` has the objects that may follow keys at some frames; `below` has the active objects with a
     parent that follows no body. `suspects` should keep their places; a few frames show whether they do. `looks`
-    are called at each frame. `following` has the names of objects that follow bodies which the bake moves.
+    are called at each frame. `movers` has the names of the bodies that the bake moves, `following` those of
+    objects that follow these.
     """
 
-    def __init__(self, scene, watched, below, suspects=(), looks=(), following=frozenset()):
+    def __init__(self, scene, watched, below, suspects=(), looks=(), movers=frozenset(), following=frozenset()):
         self.scene = scene
-        self.following = following
+        self.movers, self.following = movers, following
         # Matrices of objects, from the first frame until they are free, by name.
         self.tracks = {thing.name_full: [] for thing in [*watched, *suspects]}
         # Names of watched objects that are free at some frame, and of those that are held again later.
         self.freed, self.held_again = set(), set()
+        # Whether objects are stopped, and whether they are Dynamic, at the frames of their tracks.
+        self._stops, self._dynamic = ({name: [] for name in self.tracks} for _ in range(2))
         # Frames that the channels of objects are in.
         self.above = {thing.name_full: [] for thing in below}
         if self.tracks or below or looks:
@@ -202,6 +205,22 @@ class Sampling:
     def is_released(self, name):
         """Tells whether an object follows its keys at first, and is free later."""
         return name in self.freed and bool(self.tracks[name])
+
+    def is_stopped_in_flight(self, name):
+        """Tells whether an object is stopped before its release, after it moved by keys."""
+        stops, track = self._stops.get(name), self.tracks.get(name)
+        if not self.is_released(name) or not stops[-1] or all(stops):
+            return False
+        last = max(i for i, is_stop in enumerate(stops) if not is_stop)
+        return last > 0 and track[last] != track[last - 1]
+
+    def is_dynamic_early(self, name):
+        """Tells whether an object that is released later becomes Dynamic while it still follows its keys."""
+        stops, dynamic = self._stops.get(name), self._dynamic.get(name)
+        if not self.is_released(name):
+            return False
+        follows = [not (one or other) for one, other in zip(stops, stops[1:])]
+        return any(now and not before and of for before, now, of in zip(dynamic, dynamic[1:], follows))
 
     def is_moved(self, name):
         """Tells whether an object moves while it follows its keys."""
@@ -243,9 +262,13 @@ class Sampling:
 
     def _watch(self, thing):
         name, of = thing.name_full, thing.rigid_body
-        if of and of.type == "ACTIVE" and not is_held(thing):
+        is_active = of and of.type == "ACTIVE"
+        if is_active and not is_held(thing):
             self.freed.add(name)
         elif name in self.freed:
             self.held_again.add(name)
         else:
-            self.tracks[name].append(thing.matrix_world.copy())
+            track, stops = self.tracks[name], bool(is_active and is_stopped(thing))
+            track.append(track[-1] if stops and track else thing.matrix_world.copy())
+            self._stops[name].append(stops)
+            self._dynamic[name].append(bool(of and of.enabled))

@@ -6,7 +6,7 @@ from mathutils import Matrix
 from .findings import CHANGED, LEFT_OUT
 from .masses import mass_keys, solid_of
 from .pieces import OPERATOR, STALE, hash_of, points_of, shown_pieces
-from .space import is_sound, pose_of, rigid, stretch, turned
+from .space import is_sound, parts_of, pose_of, rigid, stretch, turned
 
 # A body is flat if it is thinner than this. [m]
 FLAT = 1e-4
@@ -15,13 +15,21 @@ THINNEST, THIN = 1e-3, 0.01
 # Least distance of the middle of a mesh from its origin that counts, as a part of half its size.
 OFF = 0.01
 ORIGIN = " with a mesh off its origin: the shape is around the mesh, in Blender around the origin"
-# Kinds of shapes that the bounding box sizes.
-ROUND = ("BOX", "SPHERE", "CYLINDER", "CAPSULE")
+# Kinds of shapes that the bounding box of the final mesh sizes, whatever the source.
+BOUNDED = ("BOX", "SPHERE", "CYLINDER", "CAPSULE", "CONE")
+# Sides of the hull of a cone.
+SIDES = 32
 # Axes along which shapes keep their form only with equal scales, and the relative difference that counts.
-EVEN = {"SPHERE": [0, 1, 2], "CAPSULE": [0, 1, 2], "CYLINDER": [0, 1]}
+EVEN = {"SPHERE": [0, 1, 2], "CAPSULE": [0, 1, 2], "CYLINDER": [0, 1], "CONE": [0, 1]}
 UNEVEN = 0.01
 SCALED = " of a compound with a scale of its own: in this size, where Blender ignores it"
 SIZED = " with an uneven scale: as wide as the whole mesh, in Blender by the scale of one axis"
+
+
+def source_of(thing):
+    """Returns the source of the mesh that a shape is made of: BASE, DEFORM or FINAL."""
+    of = thing.rigid_body
+    return "FINAL" if of.collision_shape in BOUNDED else of.mesh_source
 
 
 def axes_of(points):
@@ -62,13 +70,21 @@ def capsule(half):
     return {"type": "capsule", "radius": radius, "half_height": max(half[2] - radius, 1e-6)}
 
 
-def round_shape(kind, half):
+def cone(half):
+    """Returns the hull of a cone with its tip up."""
+    angles = np.arange(SIDES) * 2 * np.pi / SIDES
+    rim = max(half[:2]) * np.stack([np.sin(angles), np.cos(angles)], axis=1)
+    return hull(np.array([*([x, y, -half[2]] for x, y in rim), [0, 0, half[2]]]))
+
+
+def bounded_shape(kind, half):
     """Returns a shape of the size of a bounding box."""
     return {
         "BOX": lambda: {"type": "box", "half_extents": [half[0], half[2], half[1]]},
         "SPHERE": lambda: {"type": "sphere", "radius": max(half)},
         "CYLINDER": lambda: {"type": "cylinder", "radius": max(half[:2]), "half_height": half[2]},
         "CAPSULE": lambda: capsule(half),
+        "CONE": lambda: cone(half),
     }[kind]()
 
 
@@ -76,9 +92,10 @@ def slab(points, kind):
     """Returns a floor that is drawn as a plane, and its middle: solid below, so that nothing falls through."""
     low, high = points.min(axis=0), points.max(axis=0)
     depth = max(0.1, 0.05 * (high - low).max())
-    if kind != "BOX" and len(points) > 4:
+    if kind not in BOUNDED and len(points) > 4:
         return hull(np.concatenate([points, points - [0, 0, depth]])), np.zeros(3)
-    return round_shape("BOX", (high - low + [0, 0, depth]) / 2), (low + high - [0, 0, depth]) / 2
+    plate = "CYLINDER" if kind in BOUNDED and kind != "BOX" else "BOX"
+    return bounded_shape(plate, (high - low + [0, 0, depth]) / 2), (low + high - [0, 0, depth]) / 2
 
 
 def is_closed(points, triangles):
@@ -96,9 +113,11 @@ def is_closed(points, triangles):
 class ShapeExporter:
     """Makes shapes of objects; takes out those that have none, and says why."""
 
-    def __init__(self, depsgraph, findings):
+    def __init__(self, depsgraph, findings, inside=()):
         self.depsgraph = depsgraph
         self.findings = findings
+        # Names of the objects in the rigid body world, of which compounds consist.
+        self.inside = inside
         # Names of objects whose vertices the bake follows.
         self.deforming = frozenset()
         # Solids of the meshes whose pieces are shapes of the body at hand, and these shapes.
@@ -108,7 +127,7 @@ class ShapeExporter:
         """Returns the shapes of a body."""
         self._solids, self._pieces = [], []
         if thing.rigid_body.collision_shape == "COMPOUND":
-            shapes = self._parts(thing, thing, is_dynamic)
+            shapes = self._parts(thing, is_dynamic)
             if not shapes:
                 self.left_out(thing, "without parts")
             return shapes
@@ -133,25 +152,27 @@ class ShapeExporter:
     def _changed(self, thing, noun, how):
         self.findings.add(CHANGED, noun, f": {how}", thing.name_full)
 
-    def _parts(self, body, above, is_dynamic):
-        """Returns the shapes of the parts of a compound, and of the compounds among these."""
+    def _parts(self, body, is_dynamic):
+        """Returns the shapes of the parts of a compound."""
         shapes = []
-        for part in above.children:
-            if part.rigid_body and part.rigid_body.collision_shape == "COMPOUND":
-                shapes += self._parts(body, part, is_dynamic)
-            elif part.rigid_body and is_sound(part):
-                if np.abs(np.abs(part.scale) - 1).max() > UNEVEN:
-                    self.findings.add(CHANGED, "object", SCALED, part.name_full)
-                shapes += self._one(part, is_dynamic, rigid(body).inverted() @ rigid(part))
-            elif part.rigid_body:
+        for part in parts_of(body, self.inside):
+            if not is_sound(part):
                 self.left_out(part, "without a size or a place")
+                continue
+            if np.abs(np.abs(part.scale) - 1).max() > UNEVEN:
+                self.findings.add(CHANGED, "object", SCALED, part.name_full)
+            shapes += self._one(part, is_dynamic, rigid(body).inverted() @ rigid(part))
         return shapes
 
     def mesh(self, thing):
-        """Returns vertices in the frame of the object, and triangles."""
-        base = thing.rigid_body.mesh_source == "BASE"
+        """Returns vertices in the frame of the object, and triangles; of a bounded shape the corners of its box."""
+        evaluated = thing.evaluated_get(self.depsgraph)
+        if thing.type == "MESH" and thing.rigid_body.collision_shape in BOUNDED:
+            # A last subdivision shrinks the mesh, and leaves Blender's box as it is.
+            corners = np.array(evaluated.bound_box) if evaluated.data.vertices else np.zeros((0, 3))
+            return corners, np.zeros((0, 3), np.int32)
         try:
-            mesh = (thing if base else thing.evaluated_get(self.depsgraph)).to_mesh()
+            mesh = (thing if source_of(thing) == "BASE" else evaluated).to_mesh()
         except RuntimeError:
             mesh = None
         if mesh is None or not mesh.vertices:
@@ -211,10 +232,10 @@ class ShapeExporter:
         if is_slab and thing.name_full not in self.deforming:
             self._changed(thing, "flat passive object", "solid below, so that nothing falls through")
             return slab(points, kind)
-        if kind in ROUND:
+        if kind in BOUNDED:
             if np.abs(low + high).max() > OFF * (high - low).max():
                 self.findings.add(CHANGED, "object", ORIGIN, thing.name_full)
-            return round_shape(kind, self._half(thing, kind, (high - low) / 2)), (low + high) / 2
+            return bounded_shape(kind, self._half(thing, kind, (high - low) / 2)), (low + high) / 2
         if kind == "MESH" and (not is_dynamic or self._keeps_mesh(thing, points, triangles)):
             shape = {"type": "trimesh", "vertices": [turned(p) for p in points], "triangles": triangles.tolist()}
             return shape, np.zeros(3)
@@ -234,7 +255,7 @@ class ShapeExporter:
 
     def _half(self, thing, kind, half):
         """Returns half extents of which none is too small for the shape."""
-        if kind in ("BOX", "CYLINDER") and half.min() < FLAT / 2:
+        if kind in ("BOX", "CYLINDER", "CONE") and half.min() < FLAT / 2:
             self._changed(thing, "flat object", "given a thickness")
             return np.where(half < FLAT / 2, thickness_of(2 * half.max()) / 2, half)
         return half

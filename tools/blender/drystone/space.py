@@ -165,6 +165,23 @@ def compound_of(thing):
     return parent if part else None
 
 
+def body_of(thing):
+    """Returns the object whose body a thing belongs to: that of the whole compound, if it is part of one."""
+    while thing.rigid_body and compound_of(thing):
+        thing = compound_of(thing)
+    return thing
+
+
+def parts_of(thing, inside):
+    """Returns the parts of a compound, and of the compounds among these, that are in the rigid body world.
+
+    `inside` has the names of all objects that are.
+    """
+    parts = [part for part in thing.children if part.name_full in inside]
+    return [each for part in parts
+            for each in (parts_of(part, inside) if part.rigid_body.collision_shape == "COMPOUND" else [part])]
+
+
 def is_baked(thing):
     return ORIGINAL in thing
 
@@ -175,5 +192,11 @@ def has_mass(thing):
 
 
 def is_held(thing):
-    """Tells whether an active body follows its keys at this frame."""
+    """Tells whether an active body is not free at this frame: it follows its keys, or is stopped."""
     return thing.rigid_body.kinematic or not thing.rigid_body.enabled
+
+
+def is_stopped(thing):
+    """Tells whether an active body keeps its place at this frame, whatever its keys: it is not Dynamic."""
+    of = thing.rigid_body
+    return of.type == "ACTIVE" and not of.enabled and not of.kinematic

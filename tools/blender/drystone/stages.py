@@ -23,6 +23,15 @@ def _as_frames(document, first, rate):
     document["time_step"] = 1 / rate
 
 
+def _with_joints(arrays):
+    """Returns the arrays of a bake that a later part continues with no values of joints, but for their breaks."""
+    if "joint_names" not in arrays or "joint_axes" in arrays:
+        return arrays
+    frames, joints = len(arrays["times"]), len(arrays["joint_names"])
+    return {**arrays, "joint_axes": np.zeros(0, "<U1"), "joint_of_axis": np.zeros(0, np.uint32),
+            "joint_values": np.zeros((frames, 0), np.float32), "joint_loads": np.zeros((frames, joints, 2), np.float32)}
+
+
 def write_stage(program, folder, scene, path, instances=False):
     """Writes the bake of a scene as OpenUSD, whose time codes are the frames of the scene.
 
@@ -39,7 +48,7 @@ def write_stage(program, folder, scene, path, instances=False):
     # OpenUSD has time codes to nine digits, and more of the rate would show in them.
     document, rate = json.loads(baked_scene(whole).read_text()), round(frames_per_second(scene), 6)
     first = document["extras"]["frame_start"]
-    arrays = read_arrays(whole)
+    arrays = _with_joints(read_arrays(whole))
     require(arrays, whole, *BAKE)
     with tempfile.TemporaryDirectory() as place:
         bake, shapes = Path(place) / "bake.npz", Path(place) / "scene.json"

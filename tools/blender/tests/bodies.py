@@ -232,6 +232,70 @@ def test_sources_as_in_blender(program, folder):
             assert all(modifier.show_viewport for modifier in crate.modifiers)
 
 
+SHAPED = ("BOX", "SPHERE", "CYLINDER", "CAPSULE", "CONE")
+
+
+def test_bounding_boxes_as_in_blender(program, folder):
+    """Shapes of a bounding box have that of the final mesh, whatever the source; parts of compounds, too."""
+    for source in ("BASE", "DEFORM", "FINAL"):
+        scene = empty(last=40)
+        add(cube(1, (0, 0, -0.5)), "PASSIVE", "BOX", "floor").scale = (60, 60, 1)
+        things = [add(cube(1, (4 * i, 0, 2)), "ACTIVE", shape, shape, mesh_source=source)
+                  for i, shape in enumerate(SHAPED)]
+        things += [add(cube(0.1, (24, 0, 2)), "ACTIVE", "COMPOUND", "whole"),
+                   add(cube(1, (28, 0, 2)), "ACTIVE", "BOX", "keyed", mesh_source=source),
+                   add(cube(1, (32, 0, 2)), "ACTIVE", "BOX", "smooth", mesh_source=source)]
+        part = add(cube(1, (24, 0, 2)), "ACTIVE", "BOX", "part", mesh_source=source)
+        part.parent, part.matrix_parent_inverse = things[5], things[5].matrix_world.inverted()
+        for thing in [*things[:len(SHAPED)], part]:
+            modifier = thing.modifiers.new("Solidify", "SOLIDIFY")
+            modifier.thickness, modifier.offset, modifier.use_even_offset = 0.4, 1, True
+        things[7].modifiers.new("Subdivision", "SUBSURF")
+        things[6].shape_key_add(name="Basis")
+        large = things[6].shape_key_add(name="Large")
+        large.value = 1
+        for point in large.data:
+            point.co *= 2
+        bpy.context.view_layer.update()
+        shown = in_blender()[-1, :len(things), 2, 3]
+        full_bake(program, folder)
+        scene.frame_set(40)
+        heights = [thing.matrix_world.translation.z for thing in things]
+        # Bullet has a cone, and no other of these, a margin of 40 mm off the floor.
+        assert np.abs(np.array(heights) - shown).max() < 0.05, (source, heights, shown)
+
+
+def compound(name, place, kind="ACTIVE", parts=()):
+    """A compound of boxes of 1 m at heights above its origin, by name."""
+    whole = add(cube(0.1, place), kind, "COMPOUND", name)
+    for part, height in dict(parts).items():
+        part = add(cube(1, (place[0], place[1], place[2] + height)), kind, "BOX", part)
+        part.parent, part.matrix_parent_inverse = whole, whole.matrix_world.inverted()
+    bpy.context.view_layer.update()
+    return whole
+
+
+def test_parts_outside_of_the_world(program, folder):
+    """A compound has the parts in the rigid body world's collection alone, as in Blender; others are named."""
+    scene = empty(last=30)
+    add(cube(1, (0, 0, -0.5)), "PASSIVE", "BOX", "floor").scale = (60, 60, 1)
+    things = [compound("whole", (0, 0, 3), parts={"inner": 0, "outer": -1}),
+              compound("nested", (5, 0, 3), parts={"flat": 0, "deep": -1})]
+    below = compound("below", (5, 0, 2), parts={"lowest": -1})
+    below.parent, below.matrix_parent_inverse = things[1], things[1].matrix_world.inverted()
+    for name in ("outer", "below"):
+        scene.rigidbody_world.collection.objects.unlink(scene.objects[name])
+    bpy.context.view_layer.update()
+    shown = in_blender()[-1, [1, 4], 2, 3]
+    run, _, _ = full_bake(program, folder)
+    scene.frame_set(30)
+    heights = [thing.matrix_world.translation.z for thing in things]
+    assert np.abs(np.array(heights) - shown).max() < 0.02, (heights, shown)
+    assert lines(run.shot) == [
+        "2 objects outside of the rigid body world's collection: left out: 'outer', 'below'",
+        "1 object of a compound that is no body of the bake: left out: 'lowest'"], lines(run.shot)
+
+
 def test_uneven_sizes_are_told(_program, folder):
     """Round shapes of uneven scale and scaled parts of compounds are as one sees them; Blender has them otherwise."""
     empty(last=3)

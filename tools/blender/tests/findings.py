@@ -205,8 +205,10 @@ def test_everything_is_said(_program, _folder):
     assert sorted(said) == sorted(SAID), set(said) ^ set(SAID)
     shot = exported(ALL)
     assert sorted(lines(shot)) == sorted(line for line in SAID if "this version" not in line)
+    assert all("force" in body_of(shot, name) for name in ("asleep", "crate"))
+    bpy.data.objects["wind"].field.strength = 0
+    shot = exported(ALL)
     assert body_of(shot, "asleep")["start_asleep"] and "start_asleep" not in body_of(shot, "crate")
-    assert "force" in body_of(shot, "crate")
 
 
 def test_world_as_in_blender(program, folder):
@@ -253,7 +255,7 @@ def test_sources_and_compounds(_program, _folder):
     """Deforming sources leave out modifiers that make vertices; compounds in compounds are flat."""
     empty(last=12)
     for i, source in enumerate(("BASE", "DEFORM", "FINAL")):
-        thing = block(source, (4 * i, 0, 2), mesh_source=source)
+        thing = add(cube(1, (4 * i, 0, 2)), "ACTIVE", "CONVEX_HULL", source, mesh_source=source)
         thing.modifiers.new("Cast", "CAST").factor = 0
         thing.modifiers["Cast"].use_x = True
         displace = thing.modifiers.new("Displace", "DISPLACE")
@@ -268,10 +270,9 @@ def test_sources_and_compounds(_program, _folder):
         leaf.parent, leaf.matrix_parent_inverse = parent, parent.matrix_world.inverted()
     constrain("POINT", block("wall", (0, 9, 0), "PASSIVE"), leaves[1], name="hinge")
     shot = exported()
-    extents = {name: body_of(shot, name)["shapes"][0]["half_extents"][0] for name in ("BASE", "DEFORM", "FINAL")}
-    middles = {name: body_of(shot, name)["shapes"][0]["position"][0] for name in extents}
-    assert np.allclose([extents["BASE"], extents["DEFORM"], extents["FINAL"]], [0.5, 0.5, 1.5]), extents
-    assert np.isclose(middles["BASE"], 0) and np.isclose(middles["DEFORM"], 0.5), middles
+    along = [np.array(body_of(shot, name)["shapes"][0]["points"])[:, 0] for name in ("BASE", "DEFORM", "FINAL")]
+    ranges = [(points.min(), points.max()) for points in along]
+    assert np.allclose(ranges, [(-0.5, 0.5), (0, 1), (0, 3)]), ranges
     assert bpy.data.objects["DEFORM"].modifiers["Array"].show_viewport
     assert len(body_of(shot, "outer")["shapes"]) == 2
     assert np.allclose([shape["position"][0] for shape in body_of(shot, "outer")["shapes"]], [2, 1])
@@ -352,6 +353,37 @@ def test_speed_is_named(_program, _folder):
         except ValueError as error:
             assert str(error) == (f"Speed of the rigid body world is {speed}; accepted: from 2.4e-05 to 24 at 24 "
                                   "frames per second"), error
+
+
+def test_wind_of_a_body(program, folder):
+    """A body with a wind of its own pushes all others, and not itself, as in Blender."""
+    scene = stage((0, 0, 0), 25)
+    block("fan", (0, 0, 0))
+    bpy.ops.object.forcefield_toggle()
+    field = bpy.context.object.field
+    field.type, field.strength, field.flow = "WIND", 200, 1
+    block("crate", (0, 5, 0))
+    scene.frame_set(1)
+    shown = in_blender()[:, :, :3, 3]
+    run, _, poses = full_bake(program, folder)
+    off = np.abs(poses[:, :, :3] @ UP.T - shown).max(axis=(0, 2))
+    assert np.ptp(shown[:, 0], axis=0).max() < 1e-6 and np.ptp(shown[:, 1], axis=0).max() > 2, np.ptp(shown, axis=0)
+    assert (off < 0.02).all(), off
+    assert lines(run.shot) == ["1 wind of a body that the simulation moves: as at the first frame: 'fan'"]
+
+
+def test_wind_wakes(program, folder):
+    """Bodies that start deactivated are awake in a wind, as in Blender; one that only drags leaves them asleep."""
+    for strength, flow, moves in ((100, 0, True), (100, 1, True), (0, 1, False)):
+        scene = stage((0, 0, 0), 25)
+        bpy.ops.object.effector_add(type="WIND")
+        bpy.context.object.field.strength, bpy.context.object.field.flow = strength, flow
+        block("asleep", (0, 0, 0), use_deactivation=True, use_start_deactivated=True)
+        scene.frame_set(1)
+        shown = in_blender()[-1, 0, 2, 3]
+        run, document, poses = full_bake(program, folder)
+        assert (shown > 1) == moves == ("start_asleep" not in document["bodies"][0]), (strength, flow, shown)
+        assert abs(poses[-1, 0, 1] - shown) < 0.02 and lines(run.shot) == [], (poses[-1, 0, 1], shown)
 
 
 def placed(name, parent=None, **channels):

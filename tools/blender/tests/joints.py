@@ -173,8 +173,8 @@ def test_break(command, folder):
             for part, holds in ((0.95, False), (1.05, True)):
                 scene = stage(DOWN, 25)
                 scene.rigidbody_world.substeps_per_frame = substeps
-                constrain(kind, block("wall", (0, 0, 3), "PASSIVE"), block("block", (0, 0, 0)),
-                          use_breaking=True, breaking_threshold=part * 9.81 / 24 / substeps)
+                constrain(kind, block("wall", (0, 0, 3), "PASSIVE"), block("block", (0, 0, 0)), use_breaking=True,
+                          disable_collisions=False, breaking_threshold=part * 9.81 / 24 / substeps)
                 shown, baked = in_blender()[-1, 0, 2, 3], in_drystone(command, folder)[-1, 0, 2, 3]
                 assert (shown > -0.01) == (baked > -0.01) == holds, (kind, substeps, part, shown, baked)
     said = full_bake(command, folder)[0].said
@@ -185,6 +185,20 @@ def test_break(command, folder):
     said = [line for line in full_bake(command, folder)[0].said if "broke: 'glue'" in line]
     assert len(said) == 1
     print(f"joints: {said[0]}")
+
+
+def test_collisions_without_a_constraint(command, folder):
+    """Disable Collisions holds for a disabled constraint, as in Blender; once it breaks, its objects collide."""
+    said = ["1 constraint that may break, with Disable Collisions: once broken, the objects collide, in Blender they "
+            "never do: 'joint'"]
+    for enabled, separated, breaks in ((False, True, False), (False, False, False), (True, True, True)):
+        stage(DOWN, 25)
+        add(cube(1, (0, 0, -0.5)), "PASSIVE", "BOX", "floor").scale = (60, 60, 1)
+        lower, upper = block("lower", (0, 0, 0.5)), block("upper", (0, 0, 2))
+        constrain("FIXED", lower, upper, enabled=enabled, disable_collisions=separated, use_breaking=breaks,
+                  breaking_threshold=1e-4)
+        shown, baked = in_blender()[-1, 1, 2, 3], in_drystone(command, folder, said if breaks else ())[-1, 1, 2, 3]
+        assert (shown < 1.4) == separated and (baked < 1.4) == (separated and not breaks), (enabled, shown, baked)
 
 
 def odd_constraints():
@@ -243,7 +257,8 @@ def test_as_documents(command, folder):
     assert joints["far"]["x"] == {"limits": ["-inf", 1]} and joints["far"]["y"] == {"limits": ["-inf", "inf"]}
     assert sorted(joints) == ["child", "far", "handle", "off", "old"]
     assert joints["handle"]["bodies"] == ["hammer", "wall"]
-    assert [joints[name]["enabled"] for name in ("child", "off")] == [True, False]
+    # A disabled one keeps collisions off.
+    assert joints["off"]["enabled"] and joints["off"]["type"] == "general" and joints["child"]["type"] == "fixed"
     assert [joints[name]["collide"] for name in ("child", "off")] == [True, False]
     anchor = child.matrix_world.translation - crate.matrix_world.translation
     assert np.allclose(joints["child"]["frames"][0]["position"], [anchor.x, anchor.z, -anchor.y], atol=1e-6)

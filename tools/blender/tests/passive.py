@@ -106,6 +106,28 @@ def test_instances_of_collections(program, folder):
     assert any(line.startswith("1 instancer of passive objects that may move: still") for line in said), said
 
 
+def test_instances_of_compounds(_program, _folder):
+    """Parts of an instanced compound are of its type, and have its surface, whatever is set for the parts."""
+    for kind in ("PASSIVE", "ACTIVE"):
+        for other in ("PASSIVE", "ACTIVE"):
+            empty(last=3)
+            block("crate", (0, 0, 9))
+            whole = add(cube(0.2, (0, 0, 0)), kind, "COMPOUND", "whole", friction=0.7)
+            parts = [add(cube(1, (x, 0, 0)), other, "BOX", f"part {x}", friction=0.1) for x in (0, 2)]
+            for part in parts:
+                part.parent = whole
+            instancer("tile", in_collection("tile", whole, *parts), location=(5, 0, 0))
+            shot = exported()
+            bodies = {body["name"]: (body["motion"], round(body["friction"], 3)) for body in shot.document["bodies"]}
+            tiles = {name: of for name, of in bodies.items() if name.startswith("tile: ")}
+            if kind == "PASSIVE":
+                assert tiles == {f"tile: part {x}": ("static", 0.7) for x in (0, 2)}, (other, tiles)
+                assert lines(shot) == [], lines(shot)
+            else:
+                assert not tiles and lines(shot) == ["1 instancer of active objects: left out. Object > Apply > Make "
+                                                     "Instances Real: 'tile'"], (other, lines(shot))
+
+
 def test_instances_of_nodes(_program, _folder):
     """Instances of objects collide; instances of meshes are told, if their host collides."""
     empty(last=12)

@@ -13,18 +13,23 @@ ALL = exporting.Abilities(start_asleep=True, force=True, release=True)
 FREE = 9
 
 
-def thrown(name="thrown", y=0.0, frames=((1, True), (FREE, False))):
+def switched(thing, path, frames):
+    """Keys a setting of a rigid body: its values by frame."""
+    for frame, value in frames:
+        setattr(thing.rigid_body, path, value)
+        thing.keyframe_insert(f"rigid_body.{path}", frame=frame)
+
+
+def thrown(name="thrown", y=0.0, frames=((1, True), (FREE, False)), since=1):
     """A crate that keys move along x and up, and that is then free."""
     thing = block(name, (0, y, 2), kinematic=True)
-    for frame, place in ((1, (0, y, 2)), (40, (10, y, 6))):
+    for frame, place in ((since, (0, y, 2)), (40, (10, y, 6))):
         thing.location = place
         thing.keyframe_insert("location", frame=frame)
     for curve in thing.animation_data.action.layers[0].strips[0].channelbags[0].fcurves:
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
-    for frame, held in frames:
-        thing.rigid_body.kinematic = held
-        thing.keyframe_insert("rigid_body.kinematic", frame=frame)
+    switched(thing, "kinematic", frames)
     return thing
 
 
@@ -56,18 +61,9 @@ def test_kinds_of_release(_program, _folder):
     """Held once more, held late, held at first and dropped at rest, enabled by a key, or driven."""
     stage(DOWN, 30)
     thrown("twice", 0, ((1, True), (5, False), (12, True), (20, False)))
-    late = block("late", (0, 4, 2))
-    for frame, held in ((1, False), (12, True)):
-        late.rigid_body.kinematic = held
-        late.keyframe_insert("rigid_body.kinematic", frame=frame)
-    drop = block("drop", (0, 8, 2))
-    for frame, held in ((1, True), (12, False)):
-        drop.rigid_body.kinematic = held
-        drop.keyframe_insert("rigid_body.kinematic", frame=frame)
-    enabled = block("enabled", (0, 12, 2))
-    for frame, on in ((1, False), (10, True)):
-        enabled.rigid_body.enabled = on
-        enabled.keyframe_insert("rigid_body.enabled", frame=frame)
+    switched(block("late", (0, 4, 2)), "kinematic", ((1, False), (12, True)))
+    switched(block("drop", (0, 8, 2)), "kinematic", ((1, True), (12, False)))
+    switched(block("enabled", (0, 12, 2)), "enabled", ((1, False), (10, True)))
     driver = block("driven", (0, 16, 2)).driver_add("rigid_body.kinematic").driver
     driver.type, driver.expression = "SCRIPTED", "frame < 7"
     block("always", (0, 20, 2), kinematic=True)
@@ -77,6 +73,38 @@ def test_kinds_of_release(_program, _folder):
                       "enabled": ("dynamic", 9), "driven": ("dynamic", 6), "always": ("kinematic", 0)}, bodies
     assert lines(shot) == [
         "2 objects held by keys after a release: free from there on: 'twice', 'late'"], lines(shot)
+
+
+ON, OFF = True, False
+# Frames and values of Animated and of Dynamic.
+STOPPED = [(((1, OFF),), ((1, OFF), (FREE, ON))), (((1, OFF),), ((1, OFF),)), (((1, ON),), ((1, OFF), (FREE, ON))),
+           (((1, ON), (FREE, OFF)), ((1, OFF),)), (((1, OFF), (FREE, ON)), ((1, OFF),))]
+
+
+def test_stopped_as_in_blender(program, folder):
+    """An active body whose Dynamic is off stays where it is, unless it is Animated, and starts at rest."""
+    for animated, dynamic in STOPPED:
+        scene = stage(DOWN, 25)
+        # Blender may take the place at the second frame for that at the first one.
+        thing = thrown(frames=animated, since=2)
+        switched(thing, "enabled", dynamic)
+        shown = in_blender()[:, 0, :3, 3]
+        run, _, poses = full_bake(program, folder)
+        assert lines(run.shot) == [], (animated, dynamic, lines(run.shot))
+        assert np.abs(poses[:, 0, :3] @ UP.T - shown).max() < 5e-3, (animated, dynamic, poses[:, 0, :3] @ UP.T, shown)
+
+
+def test_stops_otherwise_than_in_blender(_program, _folder):
+    """Blender keeps the velocity of keys during a stop, and forgets the way of keys since Dynamic is on."""
+    stage(DOWN, 30)
+    switched(thrown("stopped"), "enabled", ((1, False), (16, True)))
+    switched(thrown("early", 4, ((1, True), (16, False))), "enabled", ((1, False), (FREE, True)))
+    shot = exporting.export(bpy.context, ALL)
+    assert lines(shot) == [
+        "1 object stopped by Dynamic after Animated: released at rest, in Blender with the velocity of its keys: "
+        "'stopped'",
+        "1 object with Dynamic turned on while Animated: released where keys lead it, in Blender where it was then: "
+        "'early'"], lines(shot)
 
 
 def test_one_animated_among_a_thousand(_program, folder):
