@@ -8,6 +8,7 @@ from mathutils import Euler, Vector
 
 from . import originals
 from .curves import HOLDS, animates, curves_of, drivers_of
+from .members import without_objects
 from .space import disabled, first_frame, has_mass, is_baked, is_held, rigid_part, world_of
 
 # Largest change of a pose that is none. [m, or 1]
@@ -71,6 +72,9 @@ def in_order(scene):
     """
     with ExitStack() as stack:
         things = disabled(scene)
+        stack.callback(reorder, scene)
+        # Before objects are linked: the world may have the scene's own collection.
+        stack.enter_context(without_objects(world_of(scene)))
         for thing in set(things) - set(scene.collection.objects):
             scene.collection.objects.link(thing)
             stack.callback(scene.collection.objects.unlink, thing)
@@ -78,8 +82,6 @@ def in_order(scene):
                 if of.data_path == "hide_viewport"]
         stack.enter_context(with_values(keys, "mute", True))
         stack.enter_context(with_values(things, "hide_viewport", False))
-        stack.callback(reorder, scene)
-        stack.enter_context(with_values([world_of(scene)], "collection", None))
         reorder(scene)
         # Blender evaluates no object again for a new order alone.
         for thing in scene.objects:
