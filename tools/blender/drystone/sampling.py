@@ -104,21 +104,36 @@ def still(scene, kept=frozenset()):
         scene.frame_set(frame, subframe=subframe)
 
 
+def _placed_elsewhere(thing):
+    """Returns values that show an object elsewhere: of its deltas, and of its own channels, which drivers may read."""
+    turn, angle = Euler(TURN).to_quaternion(), thing.rotation_axis_angle
+    values = {"rotation_axis_angle": [angle[0] + TURN[0], *angle[1:]]}
+    for own in ("", "delta_"):
+        angles = getattr(thing, f"{own}rotation_euler")
+        values |= {f"{own}location": getattr(thing, f"{own}location") + Vector(AWAY),
+                   f"{own}rotation_euler": [angle + more for angle, more in zip(angles, TURN)],
+                   f"{own}rotation_quaternion": turn @ getattr(thing, f"{own}rotation_quaternion")}
+    return values
+
+
+def _set_values(thing, values):
+    for key, value in values.items():
+        setattr(thing, key, value)
+
+
 @contextmanager
 def displaced(things):
     """Shows objects elsewhere for a while."""
-    before = [(thing, thing.delta_location.copy(), thing.delta_rotation_euler.copy(),
-               thing.delta_rotation_quaternion.copy()) for thing in things]
+    elsewhere = [(thing, _placed_elsewhere(thing)) for thing in things]
+    before = [(thing, {key: list(getattr(thing, key)) for key in values}) for thing, values in elsewhere]
     try:
-        for thing, place, angles, turn in before:
-            thing.delta_location = place + Vector(AWAY)
-            thing.delta_rotation_euler = [angle + more for angle, more in zip(angles, TURN)]
-            thing.delta_rotation_quaternion = Euler(TURN).to_quaternion() @ turn
+        for thing, values in elsewhere:
+            _set_values(thing, values)
         bpy.context.view_layer.update()
         yield
     finally:
-        for thing, *values in before:
-            thing.delta_location, thing.delta_rotation_euler, thing.delta_rotation_quaternion = values
+        for thing, values in before:
+            _set_values(thing, values)
 
 
 def followers(movers, things):

@@ -2,13 +2,15 @@
 
 from .curves import HOLDS, TRANSFORMS, animates, paths_of
 from .findings import CHANGED, LEFT_OUT
+from .reading import read_by_drivers
 from .sampling import may_move
-from .space import compound_of, first_frame, objects_of, unlinked
+from .space import compound_of, first_frame, is_linked, objects_of, unlinked
 
 # Physics of modifiers that rigid bodies of a bake do not feel.
 OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC_PAINT": "dynamic paint"}
 # Settings of rigid bodies of which only the first value counts.
 WORLD = ("gravity", "use_gravity", "rigidbody_world")
+READ = " whose angles drivers read: of other values while baked, as it turns by a quaternion"
 
 
 def survey_unseen(scene, inside, findings):
@@ -27,7 +29,7 @@ def survey(scene, inside, findings, sampling, deforming=frozenset()):
 
     `deforming` has the names of objects whose vertices the bake follows.
     """
-    led = _led(scene, inside)
+    led, read = _led(scene, inside), read_by_drivers()
     for name, thing in objects_of(scene).items():
         if thing.rigid_body and name not in inside:
             findings.add(LEFT_OUT, "object", " outside of the rigid body world's collection: left out", name)
@@ -35,6 +37,8 @@ def survey(scene, inside, findings, sampling, deforming=frozenset()):
             _body(thing, inside, findings, sampling.is_resized(name), name in deforming)
             if name in led:
                 findings.add(CHANGED, "object", " with keys before the simulation starts: still until then", name)
+            if name in read and _gets_keys(thing):
+                findings.add(CHANGED, "object", READ, name)
         _others(thing, findings)
     first = first_frame(scene)
     if first > scene.frame_start:
@@ -50,7 +54,12 @@ def _led(scene, inside):
     """Returns the names of objects whose own keys a bake replaces before the simulation starts."""
     if first_frame(scene) <= scene.frame_start:
         return set()
-    return {name for name, thing in inside.items() if may_move(thing) and animates(thing, *TRANSFORMS)}
+    return {name for name, thing in inside.items() if _gets_keys(thing) and animates(thing, *TRANSFORMS)}
+
+
+def _gets_keys(thing):
+    """Tells whether a bake may put keys on an object: parts of compounds and objects of other files have none."""
+    return may_move(thing) and not compound_of(thing) and not is_linked(thing)
 
 
 def _body(thing, inside, findings, is_resized, is_followed):
@@ -72,7 +81,7 @@ def _body(thing, inside, findings, is_resized, is_followed):
         changed(" with a mesh that deforms: of the shape at the first frame")
     if of.use_margin and of.collision_margin > 0:
         changed(" with a collision margin: without margin")
-    if may_move(thing) and any(each.enabled for each in thing.constraints):
+    if _gets_keys(thing) and any(each.enabled for each in thing.constraints):
         changed(" with object constraints: off while baked")
 
 
