@@ -1,5 +1,7 @@
 """F-curves and drivers of objects."""
 
+import hashlib
+
 import numpy as np
 
 # Properties that place an object. A bake replaces their keys.
@@ -72,6 +74,25 @@ def _settings(owner):
         elif of.type != "POINTER":
             found.append(list(getattr(owner, key)) if getattr(of, "is_array", False) else getattr(owner, key))
     return found
+
+
+def key_of(curve):
+    """Returns path and index of an F-curve as one text."""
+    return f"{curve.data_path} {curve.array_index}"
+
+
+def digests_of(action, slot):
+    """Returns digests of all F-curves of a slot, by path and index."""
+    return {key_of(of): hashlib.sha1(repr(all_of(of)).encode()).hexdigest()
+            for bag in channelbags(action, slot) for of in bag.fcurves}
+
+
+def copy_curves(bag, bags, keys):
+    """Makes F-curves of a bag, by path and index, those of other bags. It loses those that these do not have."""
+    for curve in [curve for curve in bag.fcurves if key_of(curve) in keys]:
+        bag.fcurves.remove(curve)
+    for curve in [curve for each in bags for curve in each.fcurves if key_of(curve) in keys]:
+        bag.fcurves.new_from_fcurve(curve)
 
 
 def set_keys(bag, path, frames, values, past=None):

@@ -7,9 +7,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .curves import all_of, animates, channelbags, curves_of, is_replaced
+from .curves import animates, channelbags, copy_curves, curves_of, digests_of, is_replaced
 from .space import ORIGINAL, is_baked, objects_of
-from .switches import OURS, Snapshot, clean_strips, restore_strips, turn_off, turn_on
+from .switches import (OURS, Snapshot, clean_strips, edits_of, note_made, restore_strips, slot_with, turn_off,
+                       turn_on)
 
 # Values of an object that a bake replaces.
 VALUES = ("rotation_mode", "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle",
@@ -164,7 +165,7 @@ def slot_of(state):
     if not action:
         return None
     named = (slot for slot in action.slots if slot.identifier == state["slot"])
-    return _slot_with(action, state.get("handle")) or next(named, None)
+    return slot_with(action, state.get("handle")) or next(named, None)
 
 
 class Actions:
@@ -239,10 +240,11 @@ class Actions:
         if not free:
             copy.name = f"{action.name} Drystone"
         copies.setdefault(copy.name, set()).add(handle)
-        slot = _slot_with(copy, handle)
+        slot = slot_with(copy, handle)
         bag = bag_of(copy, slot)
         for curve in [curve for curve in bag.fcurves if is_replaced(curve.data_path)]:
             bag.fcurves.remove(curve)
+        note_made(copy, slot)
         return copy, slot
 
     def end(self):
@@ -258,14 +260,10 @@ class Actions:
         return action
 
 
-def _slot_with(action, handle):
-    return next((slot for slot in action.slots if slot.handle == handle), None)
-
-
 def _place_of(name, handle):
     """Returns the action of a name and its slot of a handle, or None."""
     action = bpy.data.actions.get(name)
-    slot = _slot_with(action, handle) if action else None
+    slot = slot_with(action, handle) if action else None
     return (action, slot) if slot else None
 
 
@@ -387,12 +385,6 @@ def _is_below_itself(thing):
     return thing == above[0]
 
 
-def _others(action, slot):
-    """Returns the F-curves of an action that a bake does not replace, by path and index."""
-    curves = [curve for bag in channelbags(action, slot) for curve in bag.fcurves]
-    return {(of.data_path, of.array_index): of for of in curves if not is_replaced(of.data_path)}
-
-
 def _new_action(thing, state):
     """Returns the keys of a state that tell of its action, if keys were set since the bake.
 
@@ -404,24 +396,19 @@ def _new_action(thing, state):
     if OURS not in data.action:
         return {"animated": True, **_using(data.action, data.action_slot)}
     action, slot = state.get("action"), slot_of(state)
-    now, then = _others(data.action, data.action_slot), _others(action, slot)
-    changed = [key for key in now if key not in then or all_of(now[key]) != all_of(then[key])]
-    gone = [key for key in then if key not in now]
-    if not changed and not gone:
+    copy, own = data.action, data.action_slot
+    edited = edits_of(copy, own, digests_of(action, slot)) if own else ()
+    changed = {key for key in edited if not is_replaced(key.rpartition(" ")[0])}
+    if not changed:
         return {}
     if not slot:
         action = bpy.data.actions.new(f"{thing.name_full}Action")
         slot = action.slots.new(id_type="OBJECT", name=thing.name_full)
     elif action.library or _is_shared(thing, action, slot):
         action, handle = action.copy(), slot.handle
-        slot = _slot_with(action, handle)
-    bag = bag_of(action, slot)
-    for path, index in gone + changed:
-        curve = bag.fcurves.find(path, index=index)
-        if curve:
-            bag.fcurves.remove(curve)
-    for key in changed:
-        bag.fcurves.new_from_fcurve(now[key])
+        slot = slot_with(action, handle)
+    copy_curves(bag_of(action, slot), channelbags(copy, own), changed)
+    note_made(copy, own)
     return {"animated": True, **_using(action, slot)}
 
 
