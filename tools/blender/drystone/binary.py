@@ -61,7 +61,7 @@ KINDS = {
 }
 # Phrases for remarks on values of a scene, by words in these; they are of the kind "left_out".
 REMARKS = {
-    "all its coordinates are free": " without limits, springs and motors: without effect",
+    "all its coordinates are free": " without limits, springs and motors: joins nothing",
     "has anchors that are": " with ends far apart at the start",
     "beyond the largest value of this angle": " with a limit beyond the largest value of its angle",
     "without area, which touch nothing": " with triangles without area: these touch nothing",

@@ -30,13 +30,27 @@ def drivers_of(owner):
     return list(owner.animation_data.drivers) if owner.animation_data else []
 
 
+def strips_of(owner, only_active=False):
+    """Returns all strips of an object or a scene that have an action, those within meta strips included.
+
+    Active ones are not muted, nor is their track.
+    """
+    data = owner.animation_data
+    tracks = [track for track in data.nla_tracks if not (only_active and track.mute)] if data else []
+    left, found = [strip for track in tracks for strip in track.strips], []
+    while left:
+        strip = left.pop()
+        if only_active and strip.mute:
+            continue
+        left += strip.strips
+        found += [strip] if strip.action and strip.action_slot else []
+    return found
+
+
 def paths_of(owner):
     """Returns the paths of all properties with keys or drivers, those of NLA strips included."""
-    data = owner.animation_data
-    if not data:
-        return set()
     curves = curves_of(owner) + drivers_of(owner)
-    for strip in (strip for track in data.nla_tracks for strip in track.strips):
+    for strip in strips_of(owner):
         for bag in channelbags(strip.action, strip.action_slot):
             curves += bag.fcurves
     return {curve.data_path for curve in curves}

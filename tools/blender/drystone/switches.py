@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass
 
-from .curves import channelbags, copy_curves, digests_of, is_replaced
+from .curves import channelbags, copy_curves, digests_of, is_replaced, strips_of
 
 # Mark of the actions of bakes.
 OURS = "drystone"
@@ -90,23 +90,6 @@ def turn_on(thing, notes):
     for switch, was_on in zip(switches, _were_on(switches, notes)):
         if was_on:
             switch.set(True)
-
-
-def strips_of(thing, only_active=False):
-    """Returns all strips of an object that have an action, those within meta strips included.
-
-    Active ones are not muted, nor is their track.
-    """
-    data = thing.animation_data
-    tracks = [track for track in data.nla_tracks if not (only_active and track.mute)] if data else []
-    left, found = [strip for track in tracks for strip in track.strips], []
-    while left:
-        strip = left.pop()
-        if only_active and strip.mute:
-            continue
-        left += strip.strips
-        found += [strip] if strip.action and strip.action_slot else []
-    return found
 
 
 def strip_paths(thing):

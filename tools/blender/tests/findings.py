@@ -463,7 +463,7 @@ def checked(program, folder):
 def test_remarks_of_the_reader(program, folder):
     """Remarks on values have the name of the object or constraint, a phrase of their own, and no path."""
     free, angle = {}, limits(ang_x=(-1, 1), ang_y=(-1.7, 1.7))
-    phrases = (("without limits, springs and motors: without effect", free),
+    phrases = (("without limits, springs and motors: joins nothing", free),
                ("with a limit beyond the largest value of its angle", angle))
     for phrase, settings in phrases:
         stage(DOWN, 3)
@@ -488,3 +488,45 @@ def test_remarks_without_a_phrase(_program, _folder):
         finding, = found
         assert finding.sentence() == f"1 {noun} with a value that acts otherwise, or not at all: '{name}'"
         assert finding.detail == "it is odd; look"
+
+
+def push_down(thing, in_meta):
+    """Makes the action of an object a strip, which may lie in a meta strip."""
+    data = thing.animation_data
+    action, slot = data.action, data.action_slot
+    data.action = None
+    track = data.nla_tracks.new()
+    strip = track.strips.new("strip", 1, action)
+    strip.action_slot, strip.select, track.select = slot, True, True
+    if in_meta:
+        window = bpy.context.window_manager.windows[0]
+        area = window.screen.areas[0]
+        before, area.type = area.type, "NLA_EDITOR"
+        region = next(of for of in area.regions if of.type == "WINDOW")
+        for other in bpy.context.view_layer.objects:
+            other.select_set(other == thing)
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            bpy.ops.nla.meta_add()
+        area.type = before
+        assert [of.type for of in track.strips] == ["META"]
+
+
+def test_keys_in_strips(_program, _folder):
+    """Keys in strips are named, also those within meta strips."""
+    def keyed(thing, key, values):
+        for frame, value in zip((1, 10), values):
+            setattr(thing.rigid_body if key != "scale" else thing, key, value)
+            (thing.rigid_body if key != "scale" else thing).keyframe_insert(key, frame=frame)
+
+    told = {"scale": "1 object with keys of scale: of the size at the first frame: 'crate'",
+            "friction": "1 object with keys of rigid body settings: the values at the first frame hold: 'crate'",
+            "kinematic": "1 object held by keys after a release: free from there on: 'crate'"}
+    values = {"scale": ((1, 1, 1), (2, 2, 2)), "friction": (1, 0.2), "kinematic": (False, True)}
+    for key, line in told.items():
+        for in_meta in (False, True):
+            scene = empty(last=20)
+            crate = block("crate", (0, 0, 3))
+            keyed(crate, key, values[key])
+            push_down(crate, in_meta)
+            scene.frame_set(1)
+            assert lines(exported(ALL)) == [line], (key, in_meta, lines(exported(ALL)))
