@@ -66,6 +66,8 @@ def capture(thing):
     data = _animation_of(thing)
     state = {"values": _values(thing), "scale": list(thing.scale), "animated": data is not None}
     state |= _parenting(thing)
+    if is_baked(thing) and "apart" in thing[ORIGINAL]:
+        state["apart"] = list(thing[ORIGINAL]["apart"])
     if thing.rigid_body:
         state["kinematic"] = thing.rigid_body.kinematic
     if data:
@@ -94,7 +96,8 @@ def _restore_animation(thing, state):
 
 def _restore_parent(thing, state):
     parent = state.get("parent")
-    if thing.parent == parent:
+    # Of an object apart, also the parent may have been deleted.
+    if thing.parent == parent and "apart" not in state:
         return
     thing.parent = parent
     thing.scale = state["scale"]
@@ -286,7 +289,6 @@ def assign(thing, action, slot):
 def take_over(thing, channels):
     """Stops all that would move an object besides the keys of its bake."""
     state = thing[ORIGINAL]
-    state.pop("apart", None)
     if channels.is_apart:
         thing.parent = None
         thing.scale = channels.scale
@@ -294,6 +296,7 @@ def take_over(thing, channels):
         state["apart"] = list(thing.scale)
     else:
         _restore_parent(thing, state.to_dict())
+        state.pop("apart", None)
     restore_strips(thing)
     clean_strips(thing)
     state["switches"] = json.dumps(turn_off(thing, _notes(thing)))
@@ -361,7 +364,7 @@ def _take_edits(thing):
 def _take_parent(thing):
     """Tells whether an object got or lost a parent since its bake."""
     state = thing[ORIGINAL].to_dict()
-    if "apart" in state and state.get("parent") and not thing.parent and not _is_below_itself(thing):
+    if "apart" in state and not thing.parent and not _is_below_itself(thing):
         return False
     now = {"scale": list(thing.scale)} | _parenting(thing)
     for key in ("parent", "parenting", "inverse"):
