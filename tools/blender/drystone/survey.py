@@ -1,5 +1,7 @@
 """Survey of a scene: all that a bake does not take over, beside bodies, joints and force fields."""
 
+import bpy
+
 from .curves import HOLDS, TRANSFORMS, animates, paths_of
 from .findings import CHANGED, LEFT_OUT
 from .reading import read_by_drivers
@@ -10,6 +12,7 @@ from .space import compound_of, first_frame, is_linked, objects_of, unlinked
 OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC_PAINT": "dynamic paint"}
 # Settings of rigid bodies of which only the first value counts.
 WORLD = ("gravity", "use_gravity", "rigidbody_world")
+UNSEEN = " hidden or excluded: instances collide only where they are shown"
 READ = " whose angles drivers read: of other values while baked, as it turns by a quaternion"
 
 
@@ -22,6 +25,38 @@ def survey_unseen(scene, inside, findings):
     for name, thing in inside.items():
         if thing not in alone and not thing.visible_get():
             findings.add(CHANGED, "object", " hidden or excluded: part of the bake, as in Blender", name)
+    for thing in scene.objects:
+        if not thing.visible_get() and any(of.rigid_body for of in _instanced(thing)):
+            findings.add(LEFT_OUT, "instancer", UNSEEN, thing.name_full)
+
+
+def _instanced(thing):
+    """Returns the objects that an object may show as instances, by whatever means."""
+    left, found = [thing], set()
+    while left:
+        above = left.pop()
+        below = set(above.children) if above.instance_type in ("VERTS", "FACES") else set()
+        sources = [above.instance_collection] if above.instance_type == "COLLECTION" else []
+        sources += [of for each in above.modifiers if each.type == "NODES" for of in _inputs(each)]
+        for of in sources:
+            below |= set(of.all_objects) if isinstance(of, bpy.types.Collection) else {of}
+        below = {of for of in below - found if isinstance(of, bpy.types.Object)}
+        found |= below
+        left += below
+    return found
+
+
+def _inputs(modifier):
+    """Returns all that Geometry Nodes read: inputs of the modifier, and of its nodes."""
+    found, left = [modifier[key] for key in modifier.keys()], [modifier.node_group]
+    seen = set()
+    while left:
+        tree = left.pop()
+        if tree and tree not in seen:
+            seen.add(tree)
+            found += [getattr(of, "default_value", None) for node in tree.nodes for of in node.inputs]
+            left += [node.node_tree for node in tree.nodes if node.type == "GROUP"]
+    return [of for of in found if isinstance(of, bpy.types.ID)]
 
 
 def survey(scene, inside, findings, sampling, deforming=frozenset()):

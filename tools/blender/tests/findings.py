@@ -530,3 +530,16 @@ def test_keys_in_strips(_program, _folder):
             push_down(crate, in_meta)
             scene.frame_set(1)
             assert lines(exported(ALL)) == [line], (key, in_meta, lines(exported(ALL)))
+
+
+def test_constraints_of_parts(_program, _folder):
+    """Object constraints act on a part of a compound, which gets no keys; on the compound they are off."""
+    stage(DOWN, 3)
+    whole = add(cube(0.1, (0, 0, 3)), "ACTIVE", "COMPOUND", "whole")
+    for name, x in (("left", -1), ("right", 1)):
+        part = block(name, (x, 0, 3))
+        part.parent, part.matrix_parent_inverse = whole, whole.matrix_world.inverted()
+    part.constraints.new("LIMIT_LOCATION")
+    assert lines(exported()) == []
+    whole.constraints.new("LIMIT_LOCATION")
+    assert lines(exported()) == ["1 object with object constraints: off while baked: 'whole'"]
