@@ -41,7 +41,8 @@ def may_move(thing, kept=frozenset()):
     """Tells whether a bake that keeps these objects as they are may move an object: it is active and free."""
     if thing.rigid_body.type != "ACTIVE" or thing.name_full in kept or not has_mass(thing):
         return False
-    return is_baked(thing) or not is_held(thing) or animates(thing, *HOLDS)
+    # One that was baked in another file follows the keys of that bake.
+    return is_baked(thing) and not thing.library or not is_held(thing) or animates(thing, *HOLDS)
 
 
 @contextmanager
