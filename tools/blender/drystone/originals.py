@@ -9,14 +9,16 @@ from mathutils import Matrix
 
 from .curves import animates, channelbags, copy_curves, curves_of, digests_of, is_replaced
 from .space import ORIGINAL, is_baked, objects_of
-from .switches import (OURS, Snapshot, clean_strips, edits_of, note_made, restore_strips, slot_with, turn_off,
-                       turn_on)
+from .switches import (OURS, Snapshot, clean_strips, edits_of, is_ours, note_made, restore_strips, slot_with,
+                       turn_off, turn_on)
 
 # Values of an object that a bake replaces.
 VALUES = ("rotation_mode", "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle",
           "delta_location", "delta_rotation_euler", "delta_rotation_quaternion")
 # Kind of a parent, beside the parent itself and the inverse of its matrix.
 PARENTING = ("parent_type", "parent_bone", "parent_vertices")
+# Key of a state with a property of the user that has the same name.
+OWN = "own"
 # Blending of an action that replaces values during a bake.
 BLENDING = {"action_blend_type": "REPLACE", "action_influence": 1.0}
 # Name of the template of common actions, and the curves that it has of each object.
@@ -133,6 +135,12 @@ def baked_things(scene):
     return [thing for thing in objects_of(scene).values() if is_baked(thing) and not thing.library]
 
 
+def strays():
+    """Returns the baked objects that are in no scene with a rigid body world: no bake there restores them."""
+    return [thing for thing in bpy.data.objects if is_baked(thing) and not thing.library
+            and not any(scene.rigidbody_world for scene in thing.users_scene)]
+
+
 @contextmanager
 def shown(scene, kept=frozenset()):
     """Shows baked objects of a scene as before their bake, but for those to be kept.
@@ -152,12 +160,21 @@ def shown(scene, kept=frozenset()):
             snapshot.put_back()
 
 
+def _own_property(thing):
+    """Returns the value of a user's property that has the name of the state, or None."""
+    value = thing.get(ORIGINAL)
+    for key in ("to_dict", "to_list"):
+        value = getattr(value, key)() if hasattr(value, key) else value
+    return value
+
+
 def prepare(thing):
     """Keeps the state of an object before its first bake; returns the action and the slot of that state."""
     if is_baked(thing):
         _take_edits(thing)
     else:
-        thing[ORIGINAL] = capture(thing)
+        own = _own_property(thing)
+        thing[ORIGINAL] = capture(thing) | ({} if own is None else {OWN: own})
     state = thing[ORIGINAL].to_dict()
     return state.get("action"), slot_of(state)
 
@@ -324,11 +341,14 @@ def forget(thing):
     data = thing.animation_data
     if data and not (thing[ORIGINAL]["animated"] or data.action or data.drivers or data.nla_tracks):
         thing.animation_data_clear()
+    own = thing[ORIGINAL].to_dict().get(OWN)
     del thing[ORIGINAL]
+    if own is not None:
+        thing[ORIGINAL] = own
 
 
 def remove_unused_actions():
-    for action in [action for action in bpy.data.actions if OURS in action and not action.users]:
+    for action in [action for action in bpy.data.actions if is_ours(action) and not action.users]:
         bpy.data.actions.remove(action)
 
 
@@ -396,7 +416,7 @@ def _new_action(thing, state):
     data = _animation_of(thing)
     if not data or not data.action or data.action == state.get("action"):
         return {}
-    if OURS not in data.action:
+    if not is_ours(data.action):
         return {"animated": True, **_using(data.action, data.action_slot)}
     action, slot = state.get("action"), slot_of(state)
     copy, own = data.action, data.action_slot

@@ -15,6 +15,11 @@ MADE_WITH = "drystone copied"
 HIDDEN = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle")
 
 
+def is_ours(action):
+    """Tells whether an action is one of a bake. Users may have a property of that name, too."""
+    return action.get(OURS) is True
+
+
 @dataclass
 class Switch:
     """A property that turns a constraint, a driver or a track off."""
