@@ -17,7 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 # Modules of tests, whose functions `test_...` take the program and an empty folder.
 MODULES = ["bodies", "joints", "keys", "actions", "since", "drivers", "findings", "release", "running", "meanwhile",
-           "here", "contacts", "pieces", "passive", "hidden", "ranges", "files", "stages", "packaging", "scenes_compared"]
+           "here", "contacts", "pieces", "passive", "hidden", "ranges", "files", "stages", "packaging",
+           "scenes_compared"]
 
 
 def tests():

@@ -106,14 +106,18 @@ def still(scene, kept=frozenset()):
 
 
 def _placed_elsewhere(thing):
-    """Returns values that show an object elsewhere: of its deltas, and of its own channels, which drivers may read."""
-    turn, angle = Euler(TURN).to_quaternion(), thing.rotation_axis_angle
-    values = {"rotation_axis_angle": [angle[0] + TURN[0], *angle[1:]]}
+    """Returns values that show an object elsewhere: of its deltas, and of its own channels, which drivers may read.
+
+    Own channels are those that a bake keys, and those that act before it.
+    """
+    turn, angle, mode = Euler(TURN).to_quaternion(), thing.rotation_axis_angle, thing.rotation_mode
+    values = {"rotation_axis_angle": [angle[0] + TURN[0], *angle[1:]]} if mode == "AXIS_ANGLE" else {}
     for own in ("", "delta_"):
-        angles = getattr(thing, f"{own}rotation_euler")
         values |= {f"{own}location": getattr(thing, f"{own}location") + Vector(AWAY),
-                   f"{own}rotation_euler": [angle + more for angle, more in zip(angles, TURN)],
                    f"{own}rotation_quaternion": turn @ getattr(thing, f"{own}rotation_quaternion")}
+        if own or mode not in ("QUATERNION", "AXIS_ANGLE"):
+            angles = getattr(thing, f"{own}rotation_euler")
+            values[f"{own}rotation_euler"] = [angle + more for angle, more in zip(angles, TURN)]
     return values
 
 

@@ -35,7 +35,9 @@ def test_properties(_program, _folder):
         for i, path in enumerate(paths):
             driven(block(f"still {i}", (4, 3 * i, 1), "PASSIVE"), "location", 2, crate, path)
             driven(block(f"gone {i}", (8, 3 * i, 1), "PASSIVE", kinematic=True), "location", 2, crate, path)
-        block("alone", (12, 0, 1), "PASSIVE", kinematic=True)
+        alone = block("alone", (12, 0, 1), "PASSIVE", kinematic=True)
+        idle = "rotation_axis_angle[0]" if mode == "XYZ" else "rotation_euler.x"
+        driven(alone, "location", 2, crate, idle)
         bpy.context.view_layer.update()
         before = [list(getattr(crate, key)) for key in CHANNELS]
         shot = exported()
