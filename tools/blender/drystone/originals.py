@@ -98,7 +98,7 @@ def _restore_animation(thing, state):
 
 def _restore_parent(thing, state):
     parent = state.get("parent")
-    # Of an object apart, also the parent may have been deleted.
+    # The parent of an object apart may have been deleted.
     if thing.parent == parent and "apart" not in state:
         return
     thing.parent = parent
