@@ -16,8 +16,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 # Modules of tests, whose functions `test_...` take the program and an empty folder.
-MODULES = ["bodies", "joints", "locks", "keys", "actions", "findings", "release", "running", "meanwhile", "here", "contacts", "pieces",
-           "passive", "hidden", "ranges", "files", "stages", "packaging", "scenes_compared"]
+MODULES = ["bodies", "joints", "locks", "keys", "actions", "since", "drivers", "findings", "release", "running",
+           "meanwhile", "here", "contacts", "pieces", "passive", "hidden", "ranges", "files", "stages", "packaging",
+           "scenes_compared"]
 
 
 def tests():

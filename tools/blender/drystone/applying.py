@@ -11,7 +11,8 @@ from .moves import take_reparented
 from .originals import (Actions, assign, bag_of, baked_things, forget, remove_unused_actions, take_edits,
                         take_over)
 from .recordings import BAKE, read_arrays, require
-from .space import ORIGINAL, first_frame, is_baked, objects_of, refuse_stretching, scene_with, time_step, uid_of
+from .space import (ORIGINAL, first_frame, is_baked, objects_of, refuse_stretching, scene_with, show_again, time_step,
+                    uid_of)
 
 # A step after which the window gets its turn.
 WAITING = "waiting"
@@ -175,7 +176,7 @@ class Keys:
         self.actions.end()
         scene = self.scene
         scene.frame_end = max(scene.frame_end, self.first + int(last))
-        scene.frame_set(scene.frame_current)
+        show_again(scene)
 
 
 def apply(context, path):
@@ -209,5 +210,5 @@ def delete_bake(scene):
     for thing in things:
         forget(thing)
     remove_unused_actions()
-    scene.frame_set(scene.frame_current)
+    show_again(scene)
     return len(things)

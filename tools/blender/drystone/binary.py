@@ -44,6 +44,8 @@ KINDS = {
     "too_large": " very large",
     "too_small": " very thin",
     "too_far": " far from the origin",
+    "negative_scale": " of mirrored shape",
+    "uneven_scale": " of unevenly scaled shape",
     "inside_out_mesh": " with a mesh that faces inward",
     "open_mesh": " with holes in the mesh",
     "crossing_mesh": " with a mesh that intersects itself",
@@ -53,8 +55,24 @@ KINDS = {
     "joint_apart": " held by constraints that start apart",
     "joint_turned": " held by constraints that start turned",
     "joint_limit": " held by constraints that start beyond their limits",
+    "joint_idle": " of infinite mass held by a constraint: it does nothing",
     "joint_mass_ratio": " of very different mass held by a constraint",
+    "joint_singular": " held by constraints whose middle angle is near 90 degrees: the others turn about one axis",
+    "joint_housing": " held by a body that turns: gears count its rotation, too",
 }
+# Phrases for remarks on values of a scene, by words in these; they are of the kind "left_out".
+REMARKS = {
+    "all its coordinates are free": " without limits, springs and motors: joins nothing",
+    "has anchors that are": " with ends far apart at the start",
+    "beyond the largest value of this angle": " with a limit beyond the largest value of its angle",
+    "without area, which touch nothing": " with triangles without area: these touch nothing",
+    "from the origin, where": KINDS["too_far"],
+}
+UNFORESEEN = " with a value that acts otherwise, or not at all"
+# Where in a scene a remark is.
+PLACE = re.compile(r"^/(bodies|joints|gravity|time_step|steps|solver)\b(?:/(\d+))?\S*: ")
+# Lists of a scene, and what its items are in Blender.
+NOUNS = {"bodies": "object", "joints": "constraint"}
 
 
 def _executable(path):
@@ -199,7 +217,8 @@ def said_plainly(messages):
     """Returns messages without progress, the program's name and the paths of files."""
     words = [line for line in messages.strip().splitlines() if line and not PROGRESS.match(line)]
     lines = [re.sub(r"^drystone: (warning: )?", "", line) for line in words]
-    return [re.sub(r"^\S+\.(json|npz|journal)( at /\S*)?: ", "", line) for line in lines]
+    lines = [re.sub(r"^\S+\.(json|npz|journal)( at /\S*)?: ", "", line) for line in lines]
+    return [PLACE.sub("", line) for line in lines]
 
 
 def add_problems(findings, report, document):
@@ -207,13 +226,24 @@ def add_problems(findings, report, document):
     by_kind = {}
     joints = document.get("joints", [])
     for found in json.loads(report)["findings"]:
+        if found["kind"] == "left_out":
+            _add_remark(findings, found, document)
         # A lock acts from the release of its body on, wherever this is before.
-        if "joint" in found and is_lock(joints[found["joint"]]):
-            continue
-        by_kind.setdefault(found["kind"], []).append(found)
+        elif "joint" not in found or not is_lock(joints[found["joint"]]):
+            by_kind.setdefault(found["kind"], []).append(found)
     for kind, several in by_kind.items():
         names = [name for found in several for name in found["names"]]
         joined = [joints[found["joint"]]["name"] for found in several if "joint" in found]
         detail = f"{several[0]['what']}; {several[0]['advice']}"
         text = KINDS.get(kind, f": {kind.replace('_', ' ')}")
         findings.add(PROBLEM, "object" if names else "constraint", text, *(names or joined), detail=detail)
+
+
+def _add_remark(findings, found, document):
+    """Adds a remark on a value, whose place in the document tells the object or the constraint."""
+    place, words = PLACE.match(found["what"]), PLACE.sub("", found["what"])
+    text = next((text for part, text in REMARKS.items() if part in words), UNFORESEEN)
+    kind, index = (place[1], int(place[2] or 0)) if place else ("", 0)
+    several = document.get(kind, []) if kind in NOUNS else []
+    noun, name = (NOUNS[kind], several[index]["name"]) if index < len(several) else ("scene", document["name"])
+    findings.add(PROBLEM, noun, text, name, detail=f"{words}; {found['advice']}")

@@ -6,7 +6,7 @@ import numpy as np
 from .recordings import read_arrays, require, write_arrays
 
 NAME = "Drystone Contacts"
-# Mark of the object.
+# Mark of the object, and of its nodes: their number, which users change.
 MARK = "drystone_contacts"
 # Custom property with the names of the bodies, of which `body_a` and `body_b` are the indices.
 BODIES = "bodies"
@@ -57,8 +57,10 @@ def found(scene):
 
 def show(scene, contacts, first, step):
     """Makes the object with contacts, or renews its points; `first` is the frame of the time 0."""
-    mesh = bpy.data.meshes.new(NAME)
-    count = len(contacts["positions"])
+    thing = _object(scene)
+    mesh, count = thing.data, len(contacts["positions"])
+    # The mesh stays, with its materials.
+    mesh.clear_geometry()
     mesh.vertices.add(count)
     mesh.vertices.foreach_set("co", _turned(contacts["positions"]))
     frames = first + np.round(np.asarray(contacts["times"], float) / step).astype(int)
@@ -74,25 +76,34 @@ def show(scene, contacts, first, step):
         attribute = mesh.attributes.new(name, kind, "POINT")
         attribute.data.foreach_set("vector" if kind == "FLOAT_VECTOR" else "value", values[name])
     mesh.update()
-    thing = _object(scene)
-    old, thing.data = thing.data, mesh
-    if not old.users:
-        bpy.data.meshes.remove(old)
     thing[BODIES] = [str(name) for name in contacts["names"]]
     return thing
 
 
 def clear(scene):
-    """Removes the object with contacts, or its points if the user has given it modifiers."""
+    """Removes the object with contacts, or its points if the user has added anything to it."""
     thing = found(scene)
-    if thing and len(thing.modifiers) > 1:
+    if thing and _has_work(thing):
         thing.data.clear_geometry()
     elif thing:
-        mesh, nodes = thing.data, thing.modifiers[0].node_group if thing.modifiers else None
+        mesh = thing.data
         bpy.data.objects.remove(thing)
-        for data, of in ((bpy.data.meshes, mesh), (bpy.data.node_groups, nodes)):
-            if of and not of.users:
-                data.remove(of)
+        if not mesh.users:
+            bpy.data.meshes.remove(mesh)
+    for nodes in [of for of in bpy.data.node_groups if _are_made(of) and not of.users and not of.library]:
+        bpy.data.node_groups.remove(nodes)
+
+
+def _has_work(thing):
+    """Tells whether the user has added anything to the object, or has changed its nodes."""
+    nodes = [of.node_group if of.type == "NODES" else None for of in thing.modifiers]
+    return bool(thing.material_slots or thing.children or thing.constraints or thing.animation_data
+                or not all(map(_are_made, nodes)))
+
+
+def _are_made(nodes):
+    """Tells whether nodes are those that were made with the object, and none was added or removed."""
+    return nodes is not None and nodes.get(MARK) == len(nodes.nodes)
 
 
 def _turned(vectors):
@@ -131,4 +142,5 @@ def _nodes():
              (begin.outputs[0], delete.inputs["Geometry"]), (delete.outputs[0], end.inputs[0])]
     for link in links:
         tree.links.new(*link)
+    tree[MARK] = len(tree.nodes)
     return tree

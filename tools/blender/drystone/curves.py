@@ -1,5 +1,7 @@
 """F-curves and drivers of objects."""
 
+import hashlib
+
 import numpy as np
 
 # Properties that place an object. A bake replaces their keys.
@@ -28,13 +30,27 @@ def drivers_of(owner):
     return list(owner.animation_data.drivers) if owner.animation_data else []
 
 
+def strips_of(owner, only_active=False):
+    """Returns all strips of an object or a scene that have an action, those within meta strips included.
+
+    Active ones are not muted, nor is their track.
+    """
+    data = owner.animation_data
+    tracks = [track for track in data.nla_tracks if not (only_active and track.mute)] if data else []
+    left, found = [strip for track in tracks for strip in track.strips], []
+    while left:
+        strip = left.pop()
+        if only_active and strip.mute:
+            continue
+        left += strip.strips
+        found += [strip] if strip.action and strip.action_slot else []
+    return found
+
+
 def paths_of(owner):
     """Returns the paths of all properties with keys or drivers, those of NLA strips included."""
-    data = owner.animation_data
-    if not data:
-        return set()
     curves = curves_of(owner) + drivers_of(owner)
-    for strip in (strip for track in data.nla_tracks for strip in track.strips):
+    for strip in strips_of(owner):
         for bag in channelbags(strip.action, strip.action_slot):
             curves += bag.fcurves
     return {curve.data_path for curve in curves}
@@ -72,6 +88,25 @@ def _settings(owner):
         elif of.type != "POINTER":
             found.append(list(getattr(owner, key)) if getattr(of, "is_array", False) else getattr(owner, key))
     return found
+
+
+def key_of(curve):
+    """Returns path and index of an F-curve as one text."""
+    return f"{curve.data_path} {curve.array_index}"
+
+
+def digests_of(action, slot):
+    """Returns digests of all F-curves of a slot, by path and index."""
+    return {key_of(of): hashlib.sha1(repr(all_of(of)).encode()).hexdigest()
+            for bag in channelbags(action, slot) for of in bag.fcurves}
+
+
+def copy_curves(bag, bags, keys):
+    """Makes F-curves of a bag, by path and index, those of other bags. It loses those that these do not have."""
+    for curve in [curve for curve in bag.fcurves if key_of(curve) in keys]:
+        bag.fcurves.remove(curve)
+    for curve in [curve for each in bags for curve in each.fcurves if key_of(curve) in keys]:
+        bag.fcurves.new_from_fcurve(curve)
 
 
 def set_keys(bag, path, frames, values, past=None):

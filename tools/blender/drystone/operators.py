@@ -13,14 +13,16 @@ from .baking import Bake, Check, sentence_of
 from .cache import folder_of
 from .cutting import Cutting
 from .exporting import Abilities, export
-from .findings import counted
-from .originals import baked_things
+from .findings import LEFT_OUT, Finding, counted
+from .originals import baked_things, strays
 from .pieces import OPERATOR
 from .settings import preference
 from .stages import write_stage
 
 # Time between two looks at a running bake. [s]
 TICK = 0.05
+# Phrase for baked objects that moved to scenes without rigid bodies.
+STRAY = " in other scenes alone: delete the bake there"
 # The bake or the check that runs, if any.
 running = None
 
@@ -238,7 +240,11 @@ class Deleting(Operator):
 
     def execute(self, context):
         delete_bake(context.scene)
-        context.scene.drystone.said = ""
+        left = [thing.name for thing in strays()]
+        said = [Finding(LEFT_OUT, "baked object", STRAY, left).sentence()] if left else []
+        context.scene.drystone.tell(said)
+        for line in said:
+            self.report({"WARNING"}, line)
         return {"FINISHED"}
 
 

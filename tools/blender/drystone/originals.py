@@ -7,15 +7,18 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .curves import all_of, animates, channelbags, curves_of, is_replaced
+from .curves import animates, channelbags, copy_curves, curves_of, digests_of, is_replaced
 from .space import ORIGINAL, is_baked, objects_of
-from .switches import OURS, Snapshot, clean_strips, restore_strips, turn_off, turn_on
+from .switches import (OURS, Snapshot, clean_strips, edits_of, is_ours, note_made, restore_strips, slot_with,
+                       turn_off, turn_on)
 
 # Values of an object that a bake replaces.
 VALUES = ("rotation_mode", "location", "rotation_euler", "rotation_quaternion", "rotation_axis_angle",
           "delta_location", "delta_rotation_euler", "delta_rotation_quaternion")
 # Kind of a parent, beside the parent itself and the inverse of its matrix.
 PARENTING = ("parent_type", "parent_bone", "parent_vertices")
+# Key of a state with a property of the user that has the same name.
+OWN = "own"
 # Blending of an action that replaces values during a bake.
 BLENDING = {"action_blend_type": "REPLACE", "action_influence": 1.0}
 # Name of the template of common actions, and the curves that it has of each object.
@@ -65,6 +68,8 @@ def capture(thing):
     data = _animation_of(thing)
     state = {"values": _values(thing), "scale": list(thing.scale), "animated": data is not None}
     state |= _parenting(thing)
+    if is_baked(thing) and "apart" in thing[ORIGINAL]:
+        state["apart"] = list(thing[ORIGINAL]["apart"])
     if thing.rigid_body:
         state["kinematic"] = thing.rigid_body.kinematic
     if data:
@@ -93,7 +98,8 @@ def _restore_animation(thing, state):
 
 def _restore_parent(thing, state):
     parent = state.get("parent")
-    if thing.parent == parent:
+    # The parent of an object apart may have been deleted.
+    if thing.parent == parent and "apart" not in state:
         return
     thing.parent = parent
     thing.scale = state["scale"]
@@ -129,6 +135,12 @@ def baked_things(scene):
     return [thing for thing in objects_of(scene).values() if is_baked(thing) and not thing.library]
 
 
+def strays():
+    """Returns the baked objects that are in no scene with a rigid body world: no bake there restores them."""
+    return [thing for thing in bpy.data.objects if is_baked(thing) and not thing.library
+            and not any(scene.rigidbody_world for scene in thing.users_scene)]
+
+
 @contextmanager
 def shown(scene, kept=frozenset()):
     """Shows baked objects of a scene as before their bake, but for those to be kept.
@@ -148,12 +160,21 @@ def shown(scene, kept=frozenset()):
             snapshot.put_back()
 
 
+def _own_property(thing):
+    """Returns the value of a user's property that has the name of the state, or None."""
+    value = thing.get(ORIGINAL)
+    for key in ("to_dict", "to_list"):
+        value = getattr(value, key)() if hasattr(value, key) else value
+    return value
+
+
 def prepare(thing):
     """Keeps the state of an object before its first bake; returns the action and the slot of that state."""
     if is_baked(thing):
         _take_edits(thing)
     else:
-        thing[ORIGINAL] = capture(thing)
+        own = _own_property(thing)
+        thing[ORIGINAL] = capture(thing) | ({} if own is None else {OWN: own})
     state = thing[ORIGINAL].to_dict()
     return state.get("action"), slot_of(state)
 
@@ -164,7 +185,7 @@ def slot_of(state):
     if not action:
         return None
     named = (slot for slot in action.slots if slot.identifier == state["slot"])
-    return _slot_with(action, state.get("handle")) or next(named, None)
+    return slot_with(action, state.get("handle")) or next(named, None)
 
 
 class Actions:
@@ -239,10 +260,11 @@ class Actions:
         if not free:
             copy.name = f"{action.name} Drystone"
         copies.setdefault(copy.name, set()).add(handle)
-        slot = _slot_with(copy, handle)
+        slot = slot_with(copy, handle)
         bag = bag_of(copy, slot)
         for curve in [curve for curve in bag.fcurves if is_replaced(curve.data_path)]:
             bag.fcurves.remove(curve)
+        note_made(copy, slot)
         return copy, slot
 
     def end(self):
@@ -258,14 +280,10 @@ class Actions:
         return action
 
 
-def _slot_with(action, handle):
-    return next((slot for slot in action.slots if slot.handle == handle), None)
-
-
 def _place_of(name, handle):
     """Returns the action of a name and its slot of a handle, or None."""
     action = bpy.data.actions.get(name)
-    slot = _slot_with(action, handle) if action else None
+    slot = slot_with(action, handle) if action else None
     return (action, slot) if slot else None
 
 
@@ -288,7 +306,6 @@ def assign(thing, action, slot):
 def take_over(thing, channels):
     """Stops all that would move an object besides the keys of its bake."""
     state = thing[ORIGINAL]
-    state.pop("apart", None)
     if channels.is_apart:
         thing.parent = None
         thing.scale = channels.scale
@@ -296,6 +313,7 @@ def take_over(thing, channels):
         state["apart"] = list(thing.scale)
     else:
         _restore_parent(thing, state.to_dict())
+        state.pop("apart", None)
     restore_strips(thing)
     clean_strips(thing)
     state["switches"] = json.dumps(turn_off(thing, _notes(thing)))
@@ -323,11 +341,14 @@ def forget(thing):
     data = thing.animation_data
     if data and not (thing[ORIGINAL]["animated"] or data.action or data.drivers or data.nla_tracks):
         thing.animation_data_clear()
+    own = thing[ORIGINAL].to_dict().get(OWN)
     del thing[ORIGINAL]
+    if own is not None:
+        thing[ORIGINAL] = own
 
 
 def remove_unused_actions():
-    for action in [action for action in bpy.data.actions if OURS in action and not action.users]:
+    for action in [action for action in bpy.data.actions if is_ours(action) and not action.users]:
         bpy.data.actions.remove(action)
 
 
@@ -363,7 +384,7 @@ def _take_edits(thing):
 def _take_parent(thing):
     """Tells whether an object got or lost a parent since its bake."""
     state = thing[ORIGINAL].to_dict()
-    if "apart" in state and state.get("parent") and not thing.parent and not _is_below_itself(thing):
+    if "apart" in state and not thing.parent and not _is_below_itself(thing):
         return False
     now = {"scale": list(thing.scale)} | _parenting(thing)
     for key in ("parent", "parenting", "inverse"):
@@ -387,12 +408,6 @@ def _is_below_itself(thing):
     return thing == above[0]
 
 
-def _others(action, slot):
-    """Returns the F-curves of an action that a bake does not replace, by path and index."""
-    curves = [curve for bag in channelbags(action, slot) for curve in bag.fcurves]
-    return {(of.data_path, of.array_index): of for of in curves if not is_replaced(of.data_path)}
-
-
 def _new_action(thing, state):
     """Returns the keys of a state that tell of its action, if keys were set since the bake.
 
@@ -401,27 +416,22 @@ def _new_action(thing, state):
     data = _animation_of(thing)
     if not data or not data.action or data.action == state.get("action"):
         return {}
-    if OURS not in data.action:
+    if not is_ours(data.action):
         return {"animated": True, **_using(data.action, data.action_slot)}
     action, slot = state.get("action"), slot_of(state)
-    now, then = _others(data.action, data.action_slot), _others(action, slot)
-    changed = [key for key in now if key not in then or all_of(now[key]) != all_of(then[key])]
-    gone = [key for key in then if key not in now]
-    if not changed and not gone:
+    copy, own = data.action, data.action_slot
+    edited = edits_of(copy, own, digests_of(action, slot)) if own else ()
+    changed = {key for key in edited if not is_replaced(key.rpartition(" ")[0])}
+    if not changed:
         return {}
     if not slot:
         action = bpy.data.actions.new(f"{thing.name_full}Action")
         slot = action.slots.new(id_type="OBJECT", name=thing.name_full)
     elif action.library or _is_shared(thing, action, slot):
         action, handle = action.copy(), slot.handle
-        slot = _slot_with(action, handle)
-    bag = bag_of(action, slot)
-    for path, index in gone + changed:
-        curve = bag.fcurves.find(path, index=index)
-        if curve:
-            bag.fcurves.remove(curve)
-    for key in changed:
-        bag.fcurves.new_from_fcurve(now[key])
+        slot = slot_with(action, handle)
+    copy_curves(bag_of(action, slot), channelbags(copy, own), changed)
+    note_made(copy, own)
     return {"animated": True, **_using(action, slot)}
 
 

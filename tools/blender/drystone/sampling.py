@@ -8,6 +8,7 @@ from mathutils import Euler, Vector
 
 from . import originals
 from .curves import HOLDS, animates, curves_of, drivers_of
+from .members import without_objects
 from .space import disabled, first_frame, has_mass, is_baked, is_held, is_stopped, rigid_part, world_of
 
 # Largest change of a pose that is none. [m, or 1]
@@ -40,7 +41,8 @@ def may_move(thing, kept=frozenset()):
     """Tells whether a bake that keeps these objects as they are may move an object: it is active and free."""
     if thing.rigid_body.type != "ACTIVE" or thing.name_full in kept or not has_mass(thing):
         return False
-    return is_baked(thing) or not is_held(thing) or animates(thing, *HOLDS)
+    # One that was baked in another file follows the keys of that bake.
+    return is_baked(thing) and not thing.library or not is_held(thing) or animates(thing, *HOLDS)
 
 
 @contextmanager
@@ -71,6 +73,9 @@ def in_order(scene):
     """
     with ExitStack() as stack:
         things = disabled(scene)
+        stack.callback(reorder, scene)
+        # Before objects are linked: the world may have the scene's own collection.
+        stack.enter_context(without_objects(world_of(scene)))
         for thing in set(things) - set(scene.collection.objects):
             scene.collection.objects.link(thing)
             stack.callback(scene.collection.objects.unlink, thing)
@@ -78,8 +83,6 @@ def in_order(scene):
                 if of.data_path == "hide_viewport"]
         stack.enter_context(with_values(keys, "mute", True))
         stack.enter_context(with_values(things, "hide_viewport", False))
-        stack.callback(reorder, scene)
-        stack.enter_context(with_values([world_of(scene)], "collection", None))
         reorder(scene)
         # Blender evaluates no object again for a new order alone.
         for thing in scene.objects:
@@ -102,21 +105,40 @@ def still(scene, kept=frozenset()):
         scene.frame_set(frame, subframe=subframe)
 
 
+def _placed_elsewhere(thing):
+    """Returns values that show an object elsewhere: of its deltas, and of its own channels, which drivers may read.
+
+    Own channels are those that a bake keys, and those that act before it.
+    """
+    turn, angle, mode = Euler(TURN).to_quaternion(), thing.rotation_axis_angle, thing.rotation_mode
+    values = {"rotation_axis_angle": [angle[0] + TURN[0], *angle[1:]]} if mode == "AXIS_ANGLE" else {}
+    for own in ("", "delta_"):
+        values |= {f"{own}location": getattr(thing, f"{own}location") + Vector(AWAY),
+                   f"{own}rotation_quaternion": turn @ getattr(thing, f"{own}rotation_quaternion")}
+        if own or mode not in ("QUATERNION", "AXIS_ANGLE"):
+            angles = getattr(thing, f"{own}rotation_euler")
+            values[f"{own}rotation_euler"] = [angle + more for angle, more in zip(angles, TURN)]
+    return values
+
+
+def _set_values(thing, values):
+    for key, value in values.items():
+        setattr(thing, key, value)
+
+
 @contextmanager
 def displaced(things):
     """Shows objects elsewhere for a while."""
-    before = [(thing, thing.delta_location.copy(), thing.delta_rotation_euler.copy(),
-               thing.delta_rotation_quaternion.copy()) for thing in things]
+    elsewhere = [(thing, _placed_elsewhere(thing)) for thing in things]
+    before = [(thing, {key: list(getattr(thing, key)) for key in values}) for thing, values in elsewhere]
     try:
-        for thing, place, angles, turn in before:
-            thing.delta_location = place + Vector(AWAY)
-            thing.delta_rotation_euler = [angle + more for angle, more in zip(angles, TURN)]
-            thing.delta_rotation_quaternion = Euler(TURN).to_quaternion() @ turn
+        for thing, values in elsewhere:
+            _set_values(thing, values)
         bpy.context.view_layer.update()
         yield
     finally:
-        for thing, *values in before:
-            thing.delta_location, thing.delta_rotation_euler, thing.delta_rotation_quaternion = values
+        for thing, values in before:
+            _set_values(thing, values)
 
 
 def followers(movers, things):

@@ -86,6 +86,11 @@ def refuse_stretching(scene):
                          "Frame Rate)")
 
 
+def show_again(scene):
+    """Shows the current time of a scene anew."""
+    scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+
+
 def world_of(scene):
     """Returns the rigid body world of a scene."""
     if not scene.rigidbody_world:
@@ -183,7 +188,9 @@ def parts_of(thing, inside):
 
 
 def is_baked(thing):
-    return ORIGINAL in thing
+    """Tells whether an object has a state before its bake. Users may have a property of that name, too."""
+    state = thing.get(ORIGINAL)
+    return hasattr(state, "keys") and "values" in state.keys()
 
 
 def has_mass(thing):

@@ -66,7 +66,7 @@ class Start:
         # Channels of objects that were moved by hand at this frame.
         self.moves = {thing.name_full: [*thing.location, *thing.rotation_quaternion]
                       for thing in things
-                      if thing.name_full not in self.tweaked and shown_apart(thing, self.frame)}
+                      if thing.name_full not in self.tweaked and shown_apart(thing, scene.frame_current_final)}
         # Keys before this frame, by name.
         past = {thing.name_full: keys_until(thing, self.frame) for thing in things}
         self.past = {name: keys for name, keys in past.items() if keys and all(map(len, keys.values()))}
@@ -88,12 +88,16 @@ class Start:
     def _look(self, scene, things, steps):
         """Notes matrices that are shown now, and those of the keys around this frame."""
         self._now, self._around = {thing.name_full: rigid(thing) for thing in things}, {}
+        subframe = scene.frame_subframe
+        if subframe:
+            scene.frame_set(self.frame)
+            self._now |= {thing.name_full: rigid(thing) for thing in things if thing.name_full not in self.moves}
         with with_values([world_of(scene)], "enabled", False):
             with in_order(scene):
                 for step in steps:
                     scene.frame_set(self.frame + step)
                     self._around[step] = {thing.name_full: rigid(thing) for thing in things}
-            scene.frame_set(self.frame)
+            scene.frame_set(self.frame, subframe=subframe)
         names = self._now.keys() - self.linked - self.new
         if any(self._recorded(name) is not None for name in names):
             self._place_linked()

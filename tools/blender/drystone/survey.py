@@ -1,14 +1,19 @@
 """Survey of a scene: all that a bake does not take over, beside bodies, joints and force fields."""
 
+import bpy
+
 from .curves import HOLDS, TRANSFORMS, animates, paths_of
 from .findings import CHANGED, LEFT_OUT
+from .reading import read_by_drivers
 from .sampling import may_move
-from .space import compound_of, first_frame, objects_of, unlinked
+from .space import compound_of, first_frame, is_linked, objects_of, unlinked
 
 # Physics of modifiers that rigid bodies of a bake do not feel.
 OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC_PAINT": "dynamic paint"}
 # Settings of rigid bodies of which only the first value counts.
 WORLD = ("gravity", "use_gravity", "rigidbody_world")
+UNSEEN = " hidden or excluded: instances collide only where they are shown"
+READ = " whose angles drivers read: of other values while baked, as it turns by a quaternion"
 
 
 def survey_unseen(scene, inside, findings):
@@ -20,6 +25,38 @@ def survey_unseen(scene, inside, findings):
     for name, thing in inside.items():
         if thing not in alone and not thing.visible_get():
             findings.add(CHANGED, "object", " hidden or excluded: part of the bake, as in Blender", name)
+    for thing in scene.objects:
+        if not thing.visible_get() and any(of.rigid_body for of in _instanced(thing)):
+            findings.add(LEFT_OUT, "instancer", UNSEEN, thing.name_full)
+
+
+def _instanced(thing):
+    """Returns the objects that an object may show as instances, by whatever means."""
+    left, found = [thing], set()
+    while left:
+        above = left.pop()
+        below = set(above.children) if above.instance_type in ("VERTS", "FACES") else set()
+        sources = [above.instance_collection] if above.instance_type == "COLLECTION" else []
+        sources += [of for each in above.modifiers if each.type == "NODES" for of in _inputs(each)]
+        for of in sources:
+            below |= set(of.all_objects) if isinstance(of, bpy.types.Collection) else {of}
+        below = {of for of in below - found if isinstance(of, bpy.types.Object)}
+        found |= below
+        left += below
+    return found
+
+
+def _inputs(modifier):
+    """Returns all that Geometry Nodes read: inputs of the modifier, and of its nodes."""
+    found, left = [modifier[key] for key in modifier.keys()], [modifier.node_group]
+    seen = set()
+    while left:
+        tree = left.pop()
+        if tree and tree not in seen:
+            seen.add(tree)
+            found += [getattr(of, "default_value", None) for node in tree.nodes for of in node.inputs]
+            left += [node.node_tree for node in tree.nodes if node.type == "GROUP"]
+    return [of for of in found if isinstance(of, bpy.types.ID)]
 
 
 def survey(scene, inside, findings, sampling, deforming=frozenset()):
@@ -27,7 +64,7 @@ def survey(scene, inside, findings, sampling, deforming=frozenset()):
 
     `deforming` has the names of objects whose vertices the bake follows.
     """
-    led = _led(scene, inside)
+    led, read = _led(scene, inside), read_by_drivers()
     for name, thing in objects_of(scene).items():
         if thing.rigid_body and name not in inside:
             findings.add(LEFT_OUT, "object", " outside of the rigid body world's collection: left out", name)
@@ -35,6 +72,8 @@ def survey(scene, inside, findings, sampling, deforming=frozenset()):
             _body(thing, inside, findings, sampling.is_resized(name), name in deforming)
             if name in led:
                 findings.add(CHANGED, "object", " with keys before the simulation starts: still until then", name)
+            if name in read and _gets_keys(thing):
+                findings.add(CHANGED, "object", READ, name)
         _others(thing, findings)
     first = first_frame(scene)
     if first > scene.frame_start:
@@ -50,7 +89,12 @@ def _led(scene, inside):
     """Returns the names of objects whose own keys a bake replaces before the simulation starts."""
     if first_frame(scene) <= scene.frame_start:
         return set()
-    return {name for name, thing in inside.items() if may_move(thing) and animates(thing, *TRANSFORMS)}
+    return {name for name, thing in inside.items() if _gets_keys(thing) and animates(thing, *TRANSFORMS)}
+
+
+def _gets_keys(thing):
+    """Tells whether a bake may put keys on an object: parts of compounds and objects of other files have none."""
+    return may_move(thing) and not compound_of(thing) and not is_linked(thing)
 
 
 def _body(thing, inside, findings, is_resized, is_followed):
@@ -72,7 +116,7 @@ def _body(thing, inside, findings, is_resized, is_followed):
         changed(" with a mesh that deforms: of the shape at the first frame")
     if of.use_margin and of.collision_margin > 0:
         changed(" with a collision margin: without margin")
-    if may_move(thing) and any(each.enabled for each in thing.constraints):
+    if _gets_keys(thing) and any(each.enabled for each in thing.constraints):
         changed(" with object constraints: off while baked")
 
 

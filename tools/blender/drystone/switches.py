@@ -1,19 +1,23 @@
 """All that moves an object besides the keys of its bake: constraints, drivers, and strips of the NLA editor."""
 
-import hashlib
 import json
 from dataclasses import dataclass
 
-from .curves import all_of, channelbags, is_replaced
+from .curves import channelbags, copy_curves, digests_of, is_replaced, strips_of
 
 # Mark of the actions of bakes.
 OURS = "drystone"
 # Property of a copied action of a strip: the action that it stands for during a bake.
 STANDS_FOR = "drystone stands for"
-# Property of it: digests of its F-curves at the start of the bake, as JSON. Others were edited since.
-MADE_WITH = "drystone made with"
+# Property of a copied action: by handles of slots, digests of the F-curves at the start of the bake, as JSON.
+MADE_WITH = "drystone copied"
 # Properties that keys of a bake hide, so that strips may go on with them.
 HIDDEN = ("location", "rotation_quaternion", "rotation_euler", "rotation_axis_angle")
+
+
+def is_ours(action):
+    """Tells whether an action is one of a bake. Users may have a property of that name, too."""
+    return action.get(OURS) is True
 
 
 @dataclass
@@ -93,36 +97,24 @@ def turn_on(thing, notes):
             switch.set(True)
 
 
-def strips_of(thing, only_active=False):
-    """Returns all strips of an object that have an action, those within meta strips included.
-
-    Active ones are not muted, nor is their track.
-    """
-    data = thing.animation_data
-    tracks = [track for track in data.nla_tracks if not (only_active and track.mute)] if data else []
-    left, found = [strip for track in tracks for strip in track.strips], []
-    while left:
-        strip = left.pop()
-        if only_active and strip.mute:
-            continue
-        left += strip.strips
-        found += [strip] if strip.action and strip.action_slot else []
-    return found
-
-
 def strip_paths(thing):
     """Returns the paths of the keys in active strips of an object, those that a bake leaves out included."""
     found = set()
     for strip in strips_of(thing, only_active=True):
         action, handle = strip.action.get(STANDS_FOR) or strip.action, strip.action_slot.handle
-        slot = next((slot for slot in action.slots if slot.handle == handle), None)
-        found |= {curve.data_path for bag in channelbags(action, slot) for curve in bag.fcurves}
+        bags = channelbags(action, slot_with(action, handle))
+        found |= {curve.data_path for bag in bags for curve in bag.fcurves}
     return found
+
+
+def slot_with(action, handle):
+    """Returns the slot of an action with a handle, or None."""
+    return next((slot for slot in action.slots if slot.handle == handle), None)
 
 
 def _use(strip, action, handle):
     strip.action = action
-    strip.action_slot = next((slot for slot in action.slots if slot.handle == handle), None)
+    strip.action_slot = slot_with(action, handle)
 
 
 def _acts_beside(path):
@@ -142,7 +134,7 @@ def clean_strips(thing):
         for bag in channelbags(copy, strip.action_slot):
             for curve in [curve for curve in bag.fcurves if _acts_beside(curve.data_path)]:
                 bag.fcurves.remove(curve)
-        copy[MADE_WITH] = json.dumps(_digests(copy, handle))
+        note_made(copy, strip.action_slot)
 
 
 def restore_strips(thing):
@@ -153,15 +145,21 @@ def restore_strips(thing):
             _use(strip, _with_edits(strip.action, action, handle), handle)
 
 
-def _bags(action, handle):
-    """Returns the bags of F-curves of the slot with a handle."""
-    return channelbags(action, next((slot for slot in action.slots if slot.handle == handle), None))
+def note_made(copy, slot):
+    """Notes the F-curves that a copy has for a slot. Others were edited since."""
+    if MADE_WITH not in copy:
+        copy[MADE_WITH] = {}
+    copy[MADE_WITH][str(slot.handle)] = json.dumps(digests_of(copy, slot))
 
 
-def _digests(action, handle):
-    """Returns digests of all F-curves of a slot, by path and index as one text."""
-    return {f"{of.data_path} {of.array_index}": hashlib.sha1(repr(all_of(of)).encode()).hexdigest()
-            for bag in _bags(action, handle) for of in bag.fcurves}
+def edits_of(copy, slot, unnoted):
+    """Returns path and index of the F-curves of a copy that were edited, made or removed since these were noted.
+
+    `unnoted` has the digests that take the place of a note.
+    """
+    noted, now = copy.get(MADE_WITH, {}).get(str(slot.handle)), digests_of(copy, slot)
+    then = unnoted if noted is None else json.loads(noted)
+    return {key for key in then.keys() | now.keys() if then.get(key) != now.get(key)}
 
 
 def _with_edits(copy, action, handle):
@@ -169,18 +167,14 @@ def _with_edits(copy, action, handle):
 
     An action of another file cannot change: a local one takes its place.
     """
-    then, now = json.loads(copy.get(MADE_WITH, "{}")), _digests(copy, handle)
-    changed = {key for key in then.keys() | now.keys() if then.get(key) != now.get(key)}
-    if MADE_WITH not in copy or not changed or not _bags(action, handle):
+    slot = slot_with(copy, handle)
+    changed = edits_of(copy, slot, digests_of(copy, slot)) if slot else set()
+    if not changed or not channelbags(action, slot_with(action, handle)):
         return action
     action = action.copy() if action.library else action
-    bags = _bags(action, handle)
-    for curve in [curve for curve in bags[0].fcurves if f"{curve.data_path} {curve.array_index}" in changed]:
-        bags[0].fcurves.remove(curve)
-    for curve in [curve for bag in _bags(copy, handle) for curve in bag.fcurves]:
-        if f"{curve.data_path} {curve.array_index}" in changed:
-            bags[0].fcurves.new_from_fcurve(curve)
-    copy[MADE_WITH], copy[STANDS_FOR] = json.dumps(now), action
+    copy_curves(channelbags(action, slot_with(action, handle))[0], channelbags(copy, slot), changed)
+    note_made(copy, slot)
+    copy[STANDS_FOR] = action
     return action
 
 

@@ -87,3 +87,79 @@ def test_actions_of_one_name(program, folder):
         assert all(paths(of) == ["location", "rotation_quaternion", "scale"] for of in things)
     applying.delete_bake(scene)
     assert [of.animation_data.action for of in things] == actions
+
+
+def grow_to(thing, size):
+    """Edits the last key of the scale of an object."""
+    for curve in curves_of(thing):
+        if curve.data_path == "scale":
+            curve.keyframe_points[-1].co.y = size
+            curve.update()
+
+
+def sizes_at(scene, frame, *things):
+    scene.frame_set(frame)
+    return [thing.scale.x for thing in things]
+
+
+def sharing():
+    """A crate and a decoration without rigid body that share an action with keys of their scale."""
+    scene = empty(last=10)
+    thing, action = keyed("crate", (0, 0, 3))
+    bpy.ops.mesh.primitive_cube_add(location=(5, 0, 0))
+    other = bpy.context.object
+    data = other.animation_data_create()
+    data.action, data.action_slot = action, thing.animation_data.action_slot
+    return scene, thing, other, action
+
+
+def test_edits_of_a_shared_action(program, folder):
+    """Keys that another object of the action gets meanwhile are no edits of the baked copy."""
+    for bakes in (1, 2):
+        scene, thing, other, action = sharing()
+        full_bake(program, folder)
+        grow_to(other, 3)
+        for _ in range(bakes - 1):
+            full_bake(program, folder)
+        applying.delete_bake(scene)
+        assert thing.animation_data.action == other.animation_data.action == action and len(bpy.data.actions) == 1
+        assert sizes_at(scene, 10, thing, other) == [3, 3]
+
+
+def test_edits_on_both_sides(program, folder):
+    """Keys edited on the baked object are its own, and those edited on the other one stay there."""
+    scene, thing, other, action = sharing()
+    full_bake(program, folder)
+    grow_to(thing, 5)
+    grow_to(other, 3)
+    for _ in range(2):
+        full_bake(program, folder)
+        assert sizes_at(scene, 10, thing, other) == [5, 3]
+    applying.delete_bake(scene)
+    assert other.animation_data.action == action != thing.animation_data.action
+    assert sizes_at(scene, 10, thing, other) == [5, 3] and len(bpy.data.actions) == 2
+
+
+def test_updated_library(program, folder):
+    """A linked action that its library changes meanwhile comes back as the library has it now."""
+    library, file = folder / "library.blend", folder / "scene.blend"
+    for size in (2, 3):
+        empty(last=10)
+        thing, action = keyed("crate", (0, 0, 3))
+        action.name = "grow"
+        grow_to(thing, size)
+        bpy.ops.wm.save_as_mainfile(filepath=str(library))
+        if size == 2:
+            scene = empty(last=10)
+            thing = block("crate", (0, 0, 3))
+            with bpy.data.libraries.load(str(library), link=True) as (_, wanted):
+                wanted.actions = ["grow"]
+            data = thing.animation_data_create()
+            data.action, data.action_slot = wanted.actions[0], wanted.actions[0].slots[-1]
+            full_bake(program, folder)
+            bpy.ops.wm.save_as_mainfile(filepath=str(file))
+    bpy.ops.wm.open_mainfile(filepath=str(file))
+    scene = bpy.context.scene
+    thing = scene.objects["crate"]
+    applying.delete_bake(scene)
+    assert thing.animation_data.action.library and sizes_at(scene, 10, thing) == [3]

@@ -319,3 +319,27 @@ def test_uneven_sizes_are_told(_program, folder):
     shapes = {body["name"]: body["shapes"] for body in shot.document["bodies"]}
     assert shapes["SPHERE (1, 1, 2)"][0]["radius"] == 1
     assert [shape["half_extents"] for shape in shapes["whole"]] == [[1, 1, 1], [0.5, 0.5, 0.5]]
+
+
+def test_linked_baked(program, folder):
+    """A baked object of another file is Animated, as Blender shows it, and so are Animated objects below it."""
+    empty(last=12)
+    crate = add(cube(1, (0, 0, 4)), "ACTIVE", "BOX", "crate")
+    below = add(cube(1, (0, 4, 0)), "PASSIVE", "BOX", "below", kinematic=True)
+    below.parent = crate
+    full_bake(program, folder)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "baked.blend"), check_existing=False)
+    scene = empty(last=12)
+    add(cube(1, (9, 0, 4)), "ACTIVE", "BOX", "own")
+    things = linked_from(folder / "baked.blend", "crate", "below")
+    run, document, poses = full_bake(program, folder)
+    motions = {body["name"]: (body["motion"], "track" in body) for body in document["bodies"]}
+    assert motions == {"own": ("dynamic", False), "crate [baked.blend]": ("kinematic", True),
+                       "below [baked.blend]": ("kinematic", True)}, motions
+    assert lines(run.shot) == [], lines(run.shot)
+    places = poses[:, :, :3] @ UP.T
+    for frame in (1, 6, 12):
+        scene.frame_set(frame)
+        assert np.abs(places[frame - 1, 1] - things[0].matrix_world.translation).max() < 1e-5
+    # Blender shows it a frame late.
+    assert np.abs(places[:, 2] - places[:, 1] - (0, 4, 0)).max() < 1e-5

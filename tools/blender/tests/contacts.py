@@ -108,3 +108,55 @@ def test_baked_contacts(program, folder):
     assert files == ["Scene.contacts.npz", "Scene.json", "Scene.npz", "Scene.scene.json"], files
     applying.delete_bake(scene)
     assert contacts.found(scene) is None
+
+
+def test_work_of_users(program, folder):
+    """Materials, modifiers and nodes of users outlive the next bake and Delete Bake; all else goes."""
+    def subdivided(thing):
+        thing.modifiers.clear()
+        thing.modifiers.new("Sub", "SUBSURF")
+
+    def own_nodes(thing):
+        thing.modifiers.clear()
+        thing.modifiers.new("Dust", "NODES").node_group = bpy.data.node_groups.new("Dust", "GeometryNodeTree")
+
+    def other_nodes(thing):
+        thing.modifiers[0].node_group = bpy.data.node_groups.new("Dust", "GeometryNodeTree")
+
+    def more_nodes(thing):
+        thing.modifiers[0].node_group.nodes.new("GeometryNodeMeshCube")
+
+    def painted(thing):
+        thing.data.materials.append(bpy.data.materials.new("dust"))
+
+    def held(thing):
+        bpy.ops.object.empty_add()
+        bpy.context.object.parent = thing
+
+    for change in (subdivided, own_nodes, other_nodes, more_nodes, painted, held, None):
+        scene = stage(DOWN, 3)
+        block("crate", (0, 0, 0.5))
+        block("floor", (0, 0, -0.5), "PASSIVE")
+        full_bake(program, folder, baking.Options(contacts=True))
+        thing = contacts.found(scene)
+        if change:
+            change(thing)
+        made = [(of.name, of.type, getattr(of, "node_group", None)) for of in thing.modifiers]
+        full_bake(program, folder, baking.Options(contacts=True))
+        assert contacts.found(scene) == thing and len(thing.data.vertices)
+        applying.delete_bake(scene)
+        if not change:
+            assert contacts.found(scene) is None
+            assert not any(len(of) for of in (bpy.data.node_groups, bpy.data.materials))
+            continue
+        assert contacts.found(scene) == thing and not len(thing.data.vertices), change
+        assert [(of.name, of.type, getattr(of, "node_group", None)) for of in thing.modifiers] == made
+        assert [of.name for of in thing.data.materials] == ["dust"] * (change == painted)
+
+
+def test_modifiers_removed(_program, _folder):
+    """Nodes that no object uses any longer go with the object."""
+    scene = stage(DOWN, 10)
+    contacts.show(scene, made(), 1, 1 / 24).modifiers.clear()
+    contacts.clear(scene)
+    assert contacts.found(scene) is None and not bpy.data.node_groups and not bpy.data.meshes

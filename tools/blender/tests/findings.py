@@ -2,14 +2,16 @@
 
 import json
 import math
+import re
+from pathlib import Path
 
 import bpy
 import numpy as np
-from drystone import baking, exporting
-from drystone.findings import Finding, counted
+from drystone import baking, binary, exporting
+from drystone.findings import Finding, Findings, counted
 
 from .common import (DOWN, UP, add, block, constrain, cube, empty, export, full_bake, heap, in_blender,
-                     lines, stage)
+                     limits, lines, stage)
 
 # A binary that knows all keys.
 ALL = exporting.Abilities(start_asleep=True, force=True, release=True)
@@ -471,3 +473,105 @@ def test_off_the_origin(_program, _folder):
     assert np.allclose(body_of(shot, "crate")["shapes"][0]["position"], (0, 0.3, 0))
     assert lines(shot) == ["1 object with a mesh off its origin: the shape is around the mesh, in Blender around the "
                            "origin: 'crate'"], lines(shot)
+
+
+def test_all_kinds_have_phrases(_program, _folder):
+    """Every kind of finding of `drystone check` has a phrase of its own."""
+    source = (Path(__file__).parents[3] / "crates/bake/src/check.rs").read_text()
+    kinds = re.findall(r"Self::(\w+),", source[source.index("const ALL"):source.index("];")])
+    words = {re.sub(r"(?<!^)(?=[A-Z])", "_", kind).lower() for kind in kinds}
+    assert len(words) > 20 and words == {*binary.KINDS, "left_out"}, words ^ {*binary.KINDS, "left_out"}
+    assert len(set(binary.KINDS.values())) == len(binary.KINDS)
+
+
+def checked(program, folder):
+    """Returns the findings of a check, with their details."""
+    bpy.context.view_layer.update()
+    work = baking.Check(bpy.context, program, baking.Options(), folder)
+    work.finish()
+    return [(of.line(), of.names, of.detail) for of in work.shot.findings]
+
+
+def test_remarks_of_the_reader(program, folder):
+    """Remarks on values have the name of the object or constraint, a phrase of their own, and no path."""
+    free, angle = {}, limits(ang_x=(-1, 1), ang_y=(-1.7, 1.7))
+    phrases = (("without limits, springs and motors: joins nothing", free),
+               ("with a limit beyond the largest value of its angle", angle))
+    for phrase, settings in phrases:
+        stage(DOWN, 3)
+        wall, crate = block("wall", (0, 0, 0.5), "PASSIVE"), block("crate", (0, 0, 2))
+        constrain("FIXED", crate, block("lid", (0, 0, 4)), name="glue")
+        constrain("GENERIC", wall, crate, name="odd", **settings)
+        found = checked(program, folder)
+        assert [found[0][0], found[0][1]] == [f"1 constraint {phrase}", ["odd"]], found
+        assert len(found) == 1 and "joint 'odd'" in found[0][2] and "/joints" not in found[0][2], found
+        run, _, _ = full_bake(program, folder)
+        assert not any("/joints" in line for line in run.said), run.said
+
+
+def test_remarks_without_a_phrase(_program, _folder):
+    """A remark that nobody foresaw names what it is about, too."""
+    document = {"name": "Scene", "bodies": [{"name": "crate"}], "joints": [{"name": "odd"}]}
+    for path, noun, name in (("/bodies/0/mass", "object", "crate"), ("/joints/0", "constraint", "odd"),
+                             ("/solver/sor", "scene", "Scene"), ("/bodies/7", "scene", "Scene")):
+        found = Findings()
+        what = {"kind": "left_out", "names": [], "what": f"{path}: it is odd", "advice": "look"}
+        binary.add_problems(found, json.dumps({"findings": [what]}), document)
+        finding, = found
+        assert finding.sentence() == f"1 {noun} with a value that acts otherwise, or not at all: '{name}'"
+        assert finding.detail == "it is odd; look"
+
+
+def push_down(thing, in_meta):
+    """Makes the action of an object a strip, which may lie in a meta strip."""
+    data = thing.animation_data
+    action, slot = data.action, data.action_slot
+    data.action = None
+    track = data.nla_tracks.new()
+    strip = track.strips.new("strip", 1, action)
+    strip.action_slot, strip.select, track.select = slot, True, True
+    if in_meta:
+        window = bpy.context.window_manager.windows[0]
+        area = window.screen.areas[0]
+        before, area.type = area.type, "NLA_EDITOR"
+        region = next(of for of in area.regions if of.type == "WINDOW")
+        for other in bpy.context.view_layer.objects:
+            other.select_set(other == thing)
+        with bpy.context.temp_override(window=window, area=area, region=region):
+            bpy.ops.nla.meta_add()
+        area.type = before
+        assert [of.type for of in track.strips] == ["META"]
+
+
+def test_keys_in_strips(_program, _folder):
+    """Keys in strips are named, also those within meta strips."""
+    def keyed(thing, key, values):
+        for frame, value in zip((1, 10), values):
+            setattr(thing.rigid_body if key != "scale" else thing, key, value)
+            (thing.rigid_body if key != "scale" else thing).keyframe_insert(key, frame=frame)
+
+    told = {"scale": "1 object with keys of scale: of the size at the first frame: 'crate'",
+            "friction": "1 object with keys of rigid body settings: the values at the first frame hold: 'crate'",
+            "kinematic": "1 object held by keys after a release: free from there on: 'crate'"}
+    values = {"scale": ((1, 1, 1), (2, 2, 2)), "friction": (1, 0.2), "kinematic": (False, True)}
+    for key, line in told.items():
+        for in_meta in (False, True):
+            scene = empty(last=20)
+            crate = block("crate", (0, 0, 3))
+            keyed(crate, key, values[key])
+            push_down(crate, in_meta)
+            scene.frame_set(1)
+            assert lines(exported(ALL)) == [line], (key, in_meta, lines(exported(ALL)))
+
+
+def test_constraints_of_parts(_program, _folder):
+    """Object constraints act on a part of a compound, which gets no keys; on the compound they are off."""
+    stage(DOWN, 3)
+    whole = add(cube(0.1, (0, 0, 3)), "ACTIVE", "COMPOUND", "whole")
+    for name, x in (("left", -1), ("right", 1)):
+        part = block(name, (x, 0, 3))
+        part.parent, part.matrix_parent_inverse = whole, whole.matrix_world.inverted()
+    part.constraints.new("LIMIT_LOCATION")
+    assert lines(exported()) == []
+    whole.constraints.new("LIMIT_LOCATION")
+    assert lines(exported()) == ["1 object with object constraints: off while baked: 'whole'"]

@@ -105,3 +105,55 @@ def test_baked(program, folder):
     full_bake(program, folder)
     scene.frame_set(20)
     assert crate.matrix_world.translation.x > 1.7, crate.matrix_world.translation
+
+
+def lamp_in(collection):
+    """A mesh without a rigid body in a collection inside of that of the rigid body world."""
+    inside = bpy.data.collections.new("props")
+    collection.children.link(inside)
+    lamp = bpy.data.objects.new("lamp", bpy.data.meshes.new("lamp"))
+    inside.objects.link(lamp)
+    bpy.context.scene.collection.objects.link(lamp)
+    return lamp
+
+
+def test_meshes_without_a_body(program, folder):
+    """A mesh that only shares the world's collection gets no rigid body by a check or a bake."""
+    empty(last=3)
+    block("crate", (0, 0, 3))
+    lamp_in(bpy.context.scene.rigidbody_world.collection)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "props.blend"))
+    scene = empty(last=3)
+    crate = block("crate", (0, 0, 3))
+    world = scene.rigidbody_world.collection
+    lamp = lamp_in(world)
+    with bpy.data.libraries.load(str(folder / "props.blend"), link=True) as (_, wanted):
+        wanted.collections = ["props"]
+    world.children.link(wanted.collections[0])
+    linked = wanted.collections[0].objects[0]
+    of = constrain("FIXED", crate, lamp).rigid_body_constraint
+    collections = [list(thing.users_collection) for thing in (lamp, linked)]
+    members = list(world.all_objects)
+    _, document, _ = full_bake(program, folder)
+    assert [body["name"] for body in document["bodies"]] == ["crate"]
+    assert lamp.rigid_body is None and linked.rigid_body is None
+    assert of.object2 == lamp and list(world.all_objects) == members
+    assert [list(thing.users_collection) for thing in (lamp, linked)] == collections
+    assert bpy.context.scene == scene and list(bpy.data.scenes) == [scene]
+    assert not any(of.name.startswith("Drystone Scratch") for of in (
+        *bpy.data.objects, *bpy.data.meshes, *bpy.data.collections))
+
+
+def test_meshes_of_the_whole_scene(program, folder):
+    """The same where the world has the scene's own collection, and the mesh is excluded."""
+    scene = empty(last=3)
+    block("crate", (0, 0, 3))
+    scene.rigidbody_world.collection = scene.collection
+    inside = bpy.data.collections.new("props")
+    lamp = bpy.data.objects.new("lamp", bpy.data.meshes.new("lamp"))
+    inside.objects.link(lamp)
+    scene.collection.children.link(inside)
+    bpy.context.view_layer.layer_collection.children["props"].exclude = True
+    full_bake(program, folder)
+    assert lamp.rigid_body is None and list(lamp.users_collection) == [inside]
+    assert scene.rigidbody_world.collection == scene.collection

@@ -370,3 +370,42 @@ def test_instances_and_winds_following_a_body(program, folder):
     said = lines(exported(exporting.Abilities(force=True)))
     assert "1 instancer following a body that the simulation moves: still, as at the first frame: 'host'" in said
     assert "1 wind following a body that the simulation moves: as at the first frame: 'wind'" in said, said
+
+
+def test_hidden_instancers(_program, _folder):
+    """Instancers whose instances a view layer does not show are named, unless they show no bodies."""
+    def parented(above, below):
+        below.parent, above.instance_type = above, "VERTS"
+
+    def scattered(above, below):
+        nodes(above, object_node(below))
+
+    def nested(above, below):
+        inner = instancer("inner", in_collection("post", below))
+        above.instance_type, above.instance_collection = "COLLECTION", in_collection("street", inner)
+
+    def hidden(above):
+        above.hide_set(True)
+
+    def disabled(above):
+        above.hide_viewport = True
+
+    told = ["1 instancer hidden or excluded: instances collide only where they are shown: 'above'"]
+    for show in (parented, scattered, nested):
+        for hide, kind in ((hidden, "PASSIVE"), (disabled, "PASSIVE"), (None, "PASSIVE"), (hidden, None)):
+            empty(last=3)
+            block("crate", (0, 0, 9))
+            below = block("below", (0, 0, 0), "PASSIVE")
+            if not kind:
+                bpy.ops.rigidbody.object_remove()
+            bpy.ops.mesh.primitive_plane_add(size=4)
+            above = bpy.context.object
+            if show == nested:
+                above = bpy.data.objects.new("above", None)
+                bpy.context.scene.collection.objects.link(above)
+            above.name = "above"
+            show(above, below)
+            if hide:
+                hide(above)
+            said = [line for line in lines(exported()) if "instancer" in line]
+            assert said == (told if hide and kind else []), (show, hide, kind, said)
