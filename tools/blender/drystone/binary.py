@@ -179,6 +179,7 @@ def abilities(path):
         force="force" in body,
         release=_releases(path, path.stat().st_mtime_ns),
         vertex_track='"vertex_track"' in schema,
+        world_track='"WorldKey"' in schema,
         contacts="--contacts" in bake,
         # Windows has no way to read a file without moving the place that the program writes at.
         progress="--progress" in bake and hasattr(os, "pread"),

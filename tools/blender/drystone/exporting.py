@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .channels import Channels
+from .course import Course, gravity_of, is_keyed, tell
 from .curves import HOLDS, animates
 from .deforming import Deforming, deforms
 from .findings import CHANGED, LEFT_OUT, Findings
@@ -47,6 +48,8 @@ class Abilities:
     release: bool = False
     # Vertices of passive meshes at each frame.
     vertex_track: bool = False
+    # Speed and gravity at each frame.
+    world_track: bool = False
     # Commands and options beside those of the first version.
     contacts: bool = False
     progress: bool = False
@@ -140,6 +143,9 @@ class Exporter:
         self.deforming = Deforming(followed, self.shapes, findings)
         self.shapes.deforming = self.deforming.names
         looks = [self.deforming.look] if followed else []
+        tell(self.scene, findings, abilities.world_track)
+        self.course = Course(self.scene) if abilities.world_track and is_keyed(self.scene) else None
+        looks += [self.course.look] if self.course else []
         winds = fields(context.view_layer, self.scene.rigidbody_world.effector_weights)
         self.instances = instances
         others = {*winds, *(each.above for each in instances)} - set(self.things)
@@ -213,16 +219,14 @@ class Exporter:
 
     def world(self):
         scene, step = self.scene, time_step(self.scene)
-        weights = scene.rigidbody_world.effector_weights
-        gravity = scene.gravity * (weights.gravity * weights.all if scene.use_gravity else 0)
         return {
             "name": scene.name,
-            "gravity": turned(gravity),
+            "gravity": gravity_of(scene),
             "time_step": step,
             "steps": scene.frame_end - first_frame(scene),
             "solver": {"substeps": self.substeps or max(8, math.ceil(step / SUBSTEP - 1e-9))},
             "extras": {"frame_start": first_frame(scene)},
-        }
+        } | (self.course.track(step) if self.course else {})
 
     def motion(self, thing):
         """Returns the motion of a body, and notes what it cannot have."""

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .curves import curves_of
+from .curves import animates
 
 # Name of the custom property that holds the state of an object before its bake.
 ORIGINAL = "drystone"
@@ -61,16 +61,26 @@ def frames_per_second(scene):
     return scene.render.fps / scene.render.fps_base
 
 
+def has_keyed_speed(scene):
+    """Tells whether the speed of the rigid body world has keys or a driver."""
+    return animates(scene, "rigidbody_world.time_scale")
+
+
 def time_step(scene):
-    """Returns the simulated time of a frame, by the speed at the first one. [s]"""
+    """Returns the time of a frame: that which it simulates, unless its speed has keys. [s]"""
     speed, rate = world_of(scene).time_scale, frames_per_second(scene)
-    for curve in curves_of(scene):
-        if curve.data_path == "rigidbody_world.time_scale" and not curve.mute:
-            speed = curve.evaluate(first_frame(scene))
+    if has_keyed_speed(scene):
+        return 1 / rate
     if not SHORTEST <= speed / rate <= LONGEST:
-        raise ValueError(f"Speed of the rigid body world is {speed:.6g}; accepted: from {SHORTEST * rate:.6g} to "
-                         f"{LONGEST * rate:.6g} at {rate:.6g} frames per second")
+        refuse_speed(scene, speed)
     return speed / rate
+
+
+def refuse_speed(scene, speed):
+    """Raises an error on the speed of a rigid body world."""
+    rate = frames_per_second(scene)
+    raise ValueError(f"Speed of the rigid body world is {speed:.6g}; accepted: from {SHORTEST * rate:.6g} to "
+                     f"{LONGEST * rate:.6g} at {rate:.6g} frames per second")
 
 
 def first_frame(scene):

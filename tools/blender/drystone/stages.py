@@ -20,6 +20,8 @@ def _as_frames(document, first, rate):
             keys["time"] = keys["time"] * by + first / rate
         for track in (shape["vertex_track"] for shape in body["shapes"] if "vertex_track" in shape):
             track["times"] = [time * by + first / rate for time in track["times"]]
+    for key in document.get("track", []):
+        key["time"] = key["time"] * by + first / rate
     document["time_step"] = 1 / rate
 
 

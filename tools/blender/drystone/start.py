@@ -11,7 +11,8 @@ from .masses import joined, solid_of
 from .originals import baked_things, keys_until, last_key, leave_tweak_mode, shown_apart
 from .recordings import Recording
 from .sampling import in_order, with_values
-from .space import (ORIGINAL, first_frame, is_linked, pose_of, rigid, simulated, time_step, turned, unturned, world_of)
+from .space import (ORIGINAL, first_frame, has_keyed_speed, is_linked, pose_of, rigid, simulated, time_step, turned,
+                    unturned, world_of)
 
 # Largest distance of a key from a recording of the same bake. [m, or 1]
 SAME = 1e-4
@@ -52,6 +53,8 @@ class Start:
         self.frame, self.scene_start = scene.frame_current, first_frame(scene)
         things = [thing for thing in baked_things(scene) if ORIGINAL in thing and "frame" in thing[ORIGINAL]]
         self.step, self.lets_sleep = time_step(scene), lets_sleep
+        # Time that the frame simulates, over that of the frame.
+        self.pace = world_of(scene).time_scale or 1 if has_keyed_speed(scene) else 1
         if not things:
             raise ValueError("Bake from Here goes on with a bake, and no object has one: bake first")
         self.first = max(min(thing[ORIGINAL]["frame"] for thing in things), self.scene_start)
@@ -152,6 +155,8 @@ class Start:
         document, offset = shot.document, self.frame - self.scene_start
         document["steps"] -= offset
         document["extras"]["frame_start"] = self.frame
+        if "track" in document:
+            document["track"] = [{**key, "time": i * self.step} for i, key in enumerate(document["track"][offset:])]
         self.lets_sleep = self.lets_sleep and abilities.start_asleep and self._is_as_baked(document)
         guessed = [body["name"] for body in document["bodies"] if self._body(body, offset)]
         self._tell(shot, guessed)
@@ -227,7 +232,7 @@ class Start:
     def _difference(self, body, second):
         """Returns velocities from the keys of the frame before, and of this frame or the next one."""
         one, other = self._around[-1][body["name"]], self._around[second][body["name"]]
-        time = (second + 1) * self.step
+        time = (second + 1) * self.step * self.pace
         turn = other.to_quaternion() @ one.to_quaternion().inverted()
         spin = _rotation_vector(turn) / time
         center = _unturned_center(body)

@@ -10,8 +10,8 @@ from .space import compound_of, first_frame, is_linked, objects_of, unlinked
 
 # Physics of modifiers that rigid bodies of a bake do not feel.
 OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC_PAINT": "dynamic paint"}
-# Settings of rigid bodies of which only the first value counts.
-WORLD = ("gravity", "use_gravity", "rigidbody_world")
+# Settings of the rigid body world whose keys act; of others only the first value counts.
+FOLLOWED = ("rigidbody_world.time_scale", "rigidbody_world.effector_weights.gravity")
 UNSEEN = " hidden or excluded: instances collide only where they are shown"
 READ = " whose angles drivers read: of other values while baked, as it turns by a quaternion"
 
@@ -80,9 +80,9 @@ def survey(scene, inside, findings, sampling, deforming=frozenset()):
         findings.add(CHANGED, "scene", f" whose simulation starts at frame {first}: baked from there, as in Blender",
                      scene.name)
     paths = paths_of(scene)
-    if any(path.startswith(WORLD) for path in paths):
-        findings.add(CHANGED, "scene", " with keys of gravity or rigid body world: the values at the first frame "
-                     "hold", scene.name)
+    if any(path.startswith("rigidbody_world") and path not in FOLLOWED for path in paths):
+        findings.add(CHANGED, "scene", " with keys of rigid body world settings: the values at the first frame hold",
+                     scene.name)
 
 
 def _led(scene, inside):
