@@ -90,7 +90,7 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// q of each row of a joint, and the angles with their turns of each axis. \[m, or rad\]
     values: Vec<f64>,
     turns: Vec<[f64; 2]>,
-    /// True if it has springs. [Those that stand](super::rows) at the start of a substep and at its end, by the index of their
+    /// True if it has springs, motors or friction. [Those that stand](super::rows) at the start of a substep and at its end, by the index of their
     /// joint; and by member the wrenches of springs. \[N s, N m s\]
     pub(crate) has_springs: bool,
     pub(crate) springs: [Vec<(usize, JointRow<L, A>)>; 2],
@@ -144,7 +144,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         let (count, rows) = (members.len(), part.axes.len());
         Self {
             slots: slots.to_vec(),
-            has_springs: records.iter().flat_map(|of| &of.rows).any(|row| row.role.is_spring()),
+            has_springs: records.iter().flat_map(|of| &of.rows).any(|row| row.role.may_stand()),
             records,
             step: 0.0,
             substep: 0.0,

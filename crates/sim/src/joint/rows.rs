@@ -38,6 +38,9 @@
 //! A spring that stands has the impulse s = gain (q_0 - q) / eps. As gravity, it moves its bodies by half
 //! of its gain before the solve, and they end with (J'^T s' - J^T s) / 2 more, with the spring of the next
 //! substep. So velocities are those at the end of a substep: zero for a weight that stands on a spring.
+//!
+//! Motors and dry friction at their bounds, and dampers, push as in the substep before. They move their bodies
+//! by half of that gain, too, and give nothing at the end: the solve gave all.
 
 use drystone_solver::law::Interval;
 
@@ -351,6 +354,26 @@ impl Role {
         }
         let most = FIRM * params.h / (params.mobility * params.arm);
         if own * solved > 0.0 { own.abs().min(solved.abs()).min(most).copysign(own) } else { 0.0 }
+    }
+
+    /// Returns the impulse that a motor or dry friction at its bound, or a damper, gives in each substep; 0 for
+    /// another row. \[N s, N m s\]
+    pub(crate) fn constant(&self, state: &RowState, params: &RowParams) -> f64 {
+        let RowState { solved, solved_before, .. } = *state;
+        let most = match self {
+            Self::Drive(drive) if drive.damping == f64::INFINITY => drive.max_force * params.h,
+            Self::Friction(most) => most * params.h,
+            Self::Drive(drive) if drive.stiffness == 0.0 && solved * solved_before > 0.0 => {
+                return solved.abs().min(solved_before.abs()).copysign(solved);
+            }
+            _ => f64::INFINITY,
+        };
+        if solved.abs() >= most * (1.0 - 1e-9) { solved } else { 0.0 }
+    }
+
+    /// Returns true if the row may give the same in each substep: a spring, a motor or friction.
+    pub(crate) fn may_stand(&self) -> bool {
+        self.is_spring() || matches!(self, Self::Drive(_) | Self::Friction(_))
     }
 
     /// Returns the law of the row in a substep.

@@ -5,7 +5,7 @@ use drystone_solver::mechanism::MechanismPart;
 use drystone_solver::{InverseMass, Velocity};
 
 use super::linkage::Linkage;
-use super::rows::Role;
+use super::rows::{Role, RowParams, RowState};
 use crate::bodies::BodyView;
 use crate::geometry::Geometry;
 use crate::ledger::JointRow;
@@ -25,7 +25,15 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         bodies: &mut MovingBodies<'_, G, L, A>,
         part: &MechanismPart<'_, L, A>,
     ) {
+        // These give nothing at the end of a substep.
+        self.find_rows(0, Role::constant, &bodies.view(), part);
+        self.displace_by_rows(bodies);
         self.find_standing(0, &bodies.view(), part);
+        self.displace_by_rows(bodies);
+    }
+
+    /// Adds what the rows that act at the start of a substep give to bodies.
+    fn displace_by_rows<G: Geometry<L, A>>(&self, bodies: &mut MovingBodies<'_, G, L, A>) {
         for (_, row) in &self.springs[0] {
             for (body, pull) in row.pulls() {
                 let Some(index) = bodies.view().index(body) else { continue };
@@ -72,12 +80,26 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
 
     /// Finds the springs that stand, with their impulses where the bodies are: at the start of a substep,
     /// 0, or at its end, 1.
-    ///
-    /// One that turns a body is counted up to [`MOST_TURNED`], one that pushes a body which others touch
-    /// up to [`MOST_PUSHED`].
     fn find_standing<G: Geometry<L, A>>(
         &mut self,
         when: usize,
+        at: &BodyView<'_, G, L, A>,
+        part: &MechanismPart<'_, L, A>,
+    ) {
+        let standing = |role: &Role, state: &RowState, params: &RowParams| {
+            if role.is_spring() { role.standing(state.value, state.solved, params) } else { 0.0 }
+        };
+        self.find_rows(when, standing, at, part);
+    }
+
+    /// Finds rows with impulses other than zero.
+    ///
+    /// One that turns a body is counted up to [`MOST_TURNED`], one that pushes a body which others touch
+    /// up to [`MOST_PUSHED`].
+    fn find_rows<G: Geometry<L, A>>(
+        &mut self,
+        when: usize,
+        impulse_of: impl Fn(&Role, &RowState, &RowParams) -> f64,
         at: &BodyView<'_, G, L, A>,
         part: &MechanismPart<'_, L, A>,
     ) {
@@ -88,11 +110,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         for (index, (record, joint)) in records.iter().zip(part.joints).enumerate() {
             let own = record.rows.iter().zip(&record.states).zip(&mut rows);
             for ((plan, state), (params, axis)) in own {
-                if record.broken || !plan.role.is_spring() {
-                    continue;
-                }
-                let impulse = plan.role.standing(state.value, state.solved, params);
-                if impulse == 0.0 {
+                let impulse = impulse_of(&plan.role, state, params);
+                if record.broken || impulse == 0.0 {
                     continue;
                 }
                 // Parts of the largest gains that count, per impulse.

@@ -299,3 +299,116 @@ fn a_rotor_stays_on_its_axle() {
         }
     }
 }
+
+/// Motors at their bound, and dry friction, push a slider as a constant force does: its place follows
+/// x = v_0 t + a t^2 / 2 in steps of any length, and its velocity tells how it moves.
+#[test]
+fn bounded_forces_displace_as_they_push() {
+    let motor = |sign: f64, force: f64| Some(Drive::velocity(1e3 * sign).at_most(force));
+    // Motor, friction, force, velocity at the start.
+    let cases = [
+        (motor(1.0, 2.0), 0.0, 0.0, 0.0),
+        (motor(-1.0, 2.0), 0.0, 0.0, 10.0),
+        (motor(1.0, 2.0), 0.0, 3.0, 0.0),
+        (motor(-1.0, 4.9), 0.0, 5.0, 0.0),
+        (None, 5.0, 5.0, 0.1),
+        (None, 2.0, 0.0, 10.0),
+        (None, 4.0, 5.0, 1.0),
+    ];
+    for (preset, rate) in Preset::both()
+        .into_iter()
+        .flat_map(|preset| [24.0f64, 60.0].map(|rate| (preset.clone(), rate)))
+    {
+        for (drive, friction, force, speed) in cases {
+            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let mut body = Body::new(Motion::Dynamic, [0.0; 3], Rigid3::ball(0.1));
+            body.inertia = Some(inertia(1.0, [0.1; 3]));
+            body.velocity.linear = Vector([speed as f32, 0.0, 0.0]);
+            let id = world.add(body).unwrap();
+            let mut joint = Joint::slider([Some(id), None]).at([0.0; 3]).about([1.0, 0.0, 0.0]);
+            if let Some(drive) = drive {
+                joint = joint.drive(drive);
+            }
+            world.join(joint.friction(friction)).unwrap();
+            let steps = (2.0 * rate) as usize;
+            let (mut path, mut before) = (0.0, speed);
+            for _ in 0..steps {
+                let push =
+                    Velocity { linear: Vector([force as f32, 0.0, 0.0]), angular: Vector::ZERO };
+                world.add_force(id, push).unwrap();
+                world.step((1.0 / rate) as f32).unwrap();
+                let now = f64::from(world.velocity(id).unwrap().linear[0]);
+                path += 0.5 * (before + now) / rate;
+                before = now;
+            }
+            let own = drive.map_or(-friction, |drive| drive.max_force * drive.velocity.signum());
+            let (acceleration, time) = (force + own, steps as f64 / rate);
+            let expected = speed * time + 0.5 * acceleration * time * time;
+            let found = f64::from(place(&world, id)[0]);
+            let what = format!("{drive:?}, {friction} N against {force} N at {rate} Hz");
+            let scale = (speed * time).abs().max(expected.abs());
+            preset.check_of(&format!("place: {what}"), found, expected, scale);
+            preset.check_of(&format!("path of its velocities: {what}"), path, found, scale);
+        }
+    }
+}
+
+/// A damper lets a body sink at F / d, and its velocity says so; one that starts fast slows down as
+/// v_0 exp(-d t / m).
+#[test]
+fn dampers_slow_down_as_their_velocity_says() {
+    for (preset, rate) in Preset::both()
+        .into_iter()
+        .flat_map(|preset| [24.0f64, 60.0].map(|rate| (preset.clone(), rate)))
+    {
+        for (damping, force) in [2.0, 10.0, 50.0, 500.0]
+            .into_iter()
+            .flat_map(|damping| [(damping, 5.0), (damping, 0.0)])
+        {
+            let mut world: World<Rigid3, 3, 3> = preset.weightless();
+            let start = if force > 0.0 { force / damping } else { 3.0 };
+            let mut body = Body::new(Motion::Dynamic, [0.0; 3], Rigid3::ball(0.1));
+            body.inertia = Some(inertia(1.0, [0.1; 3]));
+            body.velocity.linear = Vector([start as f32, 0.0, 0.0]);
+            let id = world.add(body).unwrap();
+            let joint = Joint::slider([Some(id), None]).at([0.0; 3]).about([1.0, 0.0, 0.0]);
+            world.join(joint.drive(Drive::spring(0.0, 0.0, damping))).unwrap();
+            let steps = (2.0 * rate) as usize;
+            let what = format!("{damping} N s/m against {force} N at {rate} Hz");
+            for step in 0..steps {
+                let push =
+                    Velocity { linear: Vector([force as f32, 0.0, 0.0]), angular: Vector::ZERO };
+                world.add_force(id, push).unwrap();
+                world.step((1.0 / rate) as f32).unwrap();
+                let time = (step + 1) as f64 / rate;
+                let (speed, way) = if force > 0.0 {
+                    (start, start * time)
+                } else {
+                    let left = (-damping * time).exp();
+                    (start * left, start / damping * (1.0 - left))
+                };
+                let found = f64::from(world.velocity(id).unwrap().linear[0]);
+                let what = format!("{what}, step {step}");
+                // Of what stops within a substep, a fifth of the way in a step counts, too.
+                let ends =
+                    if force > 0.0 { 2.0 * start } else { start / damping + 0.2 * start / rate };
+                // One that falls at its terminal speed moves before it has an impulse of its own; one that
+                // stops within a substep stops a step later.
+                let settled =
+                    if force > 0.0 { step > steps / 4 } else { step > 1 || damping < 100.0 };
+                preset.check_of(
+                    &format!("speed: {what}"),
+                    if settled { found } else { speed },
+                    speed,
+                    start,
+                );
+                preset.check_of(
+                    &format!("way: {what}"),
+                    f64::from(place(&world, id)[0]),
+                    way,
+                    ends,
+                );
+            }
+        }
+    }
+}
