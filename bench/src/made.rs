@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use drystone_scene::{BodiesAs, Motion, Rotation, Scene, ShapeKind};
+use drystone_scene::{BodiesAs, Motion, Rotation, Scene, ShapeKind, WorldTrack};
 use parry3d_f64::shape::SharedShape as Exact;
 
 use crate::case::Case;
