@@ -17,6 +17,8 @@ use super::words::counted;
 /// Energy above the initial energy that counts as rounding, as a fraction of the energy that the
 /// run converts. \[1\]
 const ENERGY_TOLERANCE: f64 = 1e-3;
+/// Speed of all bodies whose energy counts as rounding: the tolerance of a bake. \[m/s\]
+const ROUNDING: f64 = 1e-3;
 /// Largest displacement over the last second of a body at rest. \[m\]
 const AT_REST: f64 = 1e-3;
 /// Initial overlap above which the summary mentions it. \[m\]
@@ -265,7 +267,7 @@ impl Summary {
         let moving = bake.moved_most(scene, last_second);
         let start = energy(&bake.start);
         let energy_rise = largest(&mut steps.iter().map(|step| energy(&step.measure) - start));
-        let energy_tolerance = ENERGY_TOLERANCE * turnover(bake);
+        let energy_tolerance = energy_tolerance(bake, masses);
         let ledger = energy_summary(bake);
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
@@ -691,6 +693,12 @@ fn certified(bake: &Bake) -> Option<Certified> {
         iterations: outcomes.iter().map(|(_, of)| of.iterations).sum(),
         newton: outcomes.iter().map(|(_, of)| of.newton).sum(),
     })
+}
+
+/// Returns the energy above the initial energy that counts as rounding. \[J\]
+fn energy_tolerance(bake: &Bake, masses: &[f64]) -> f64 {
+    let mass: f64 = masses.iter().filter(|mass| mass.is_finite()).sum();
+    ENERGY_TOLERANCE * turnover(bake) + 0.5 * mass * ROUNDING * ROUNDING
 }
 
 /// Maximum energy of the run above its minimum. \[J\]
