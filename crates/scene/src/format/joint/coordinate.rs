@@ -136,8 +136,14 @@ pub(super) fn read_parameters(
     name: &str,
     setup: &JointSetup<'_>,
 ) -> Result<Coordinate, SceneError> {
-    let number =
-        |key, range: &Range| table.require(key, format_args!("a number {range}"))?.real(range);
+    let number = |key, range: &Range| {
+        let field = table.require(key, format_args!("a number {range}"))?;
+        let value = field.real(range)?;
+        if value == 0.0 {
+            field.warn("couples nothing");
+        }
+        Ok(value)
+    };
     Ok(match name {
         "elliptic_cone" => {
             let field = table.require("half_angles", format_args!("2 numbers {ANGLE}"))?;

@@ -464,6 +464,18 @@ fn odd_joints_give_warnings() {
     let expected = "15:25: limit_stiffness of x of joint 0 does not act: there are no limits";
     assert_eq!(warnings(&scene_of(lines)), [expected]);
     assert_eq!(warnings(&scene_of("type = \"fixed\"\nbodies = [\"a\"]")), [""; 0]);
+    let line = "axis = [0, 0, 1]";
+    let lines = "axes = [[0, 0, 1], [1, 0, 0]]";
+    for (kind, key, along) in
+        [("gear", "ratio", line), ("rack", "radius", lines), ("screw", "pitch", line)]
+    {
+        let of = |value: f64| {
+            let joint = format!("type = \"{kind}\"\nbodies = [\"a\", \"b\"]\n{along}");
+            warnings(&scene_of(&format!("{joint}\n{key} = {value:?}")))
+        };
+        assert!(of(0.0).iter().any(|said| said.contains(key) && said.ends_with("couples nothing")));
+        assert!(!of(0.5).iter().any(|said| said.contains("couples nothing")));
+    }
 }
 
 /// Each example of the page on joints is read, without a warning.
