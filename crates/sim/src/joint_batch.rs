@@ -332,16 +332,16 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     }
 
     /// Moves the bodies of joints that are [far from their places](crate::joint::repair) towards these.
-    /// Returns true if it moves any.
+    /// Returns the energy by which it lifts them, if it moves any. \[J\]
     pub(crate) fn repair<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
-    ) -> bool {
-        let mut any = false;
-        for (mut part, linkage) in self.mechanisms.parts().zip(self.linkages.iter_mut()) {
-            any |= linkage.repair(bodies, &mut part);
-        }
-        any
+        params: &SubstepParams<L>,
+    ) -> Option<f64> {
+        let all = self.mechanisms.parts().zip(self.linkages.iter_mut());
+        let lifted =
+            all.filter_map(|(mut part, linkage)| linkage.repair(bodies, &mut part, params.gravity));
+        lifted.reduce(|all, own| all + own)
     }
 
     /// Begins the relaxing: each row gets its law for the end of the substep, and no impulse. So every

@@ -232,6 +232,11 @@ impl<const L: usize, const A: usize> LedgerBuilder<L, A> {
         copy(velocities, &mut self.moved[1]);
     }
 
+    /// Adds the energy by which repair of joints has lifted bodies. \[J\]
+    pub(crate) fn record_repair(&mut self, lifted: f64) {
+        self.ledger.repair += lifted;
+    }
+
     /// Records rows of joints, with the impulses that they have just given.
     pub(crate) fn record_joints(&mut self, rows: impl Iterator<Item = JointRow<L, A>>) {
         self.joint_rows.extend(rows);

@@ -246,7 +246,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             clock.lap(Stage::Joints);
         }
         let Advanced { mut turned, fastest } = self.bodies.advance(params);
-        turned |= self.joints.repair(&mut self.bodies);
+        turned |= self.joints.repair(&mut self.bodies, params).is_some();
         clock.lap(Stage::Advance);
         *renewed = turned && self.renew(params);
         self.joints.renew(&mut self.bodies, params);
@@ -375,10 +375,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let mut context = self.context();
         context.joints.keep_solved(&mut context.bodies);
         let Advanced { mut turned, fastest } = context.bodies.advance(params);
-        turned |= context.joints.repair(&mut context.bodies);
+        let lifted = context.joints.repair(&mut context.bodies, params);
+        turned |= lifted.is_some();
         timer.lap(Stage::Advance);
         if plan.ledger {
             self.scratch.ledger.record_motion(&self.bodies.velocities);
+            self.scratch.ledger.record_repair(lifted.unwrap_or(0.0));
         }
         *renewed = turned && self.context().renew(params);
         self.renew_joints(params);

@@ -13,9 +13,9 @@
 //! Rows that are nearly dependent ask for any speed. So w is scaled down to the energy of the mechanism at
 //! the speed that the worst of its joints asks for.
 
-use drystone_solver::Axis;
 use drystone_solver::law::Interval;
 use drystone_solver::mechanism::MechanismPart;
+use drystone_solver::{Axis, Vector};
 
 use super::linkage::{Linkage, REPAIR};
 use super::rows::{Role, RowParams};
@@ -30,16 +30,17 @@ const MOST_TURN: f64 = 0.1;
 const STILL: f64 = 1e-3;
 
 impl<const L: usize, const A: usize> Linkage<L, A> {
-    /// Moves the bodies of joints that are far from their places towards these. Returns true if it moves
-    /// any.
+    /// Moves the bodies of joints that are far from their places towards these. Returns the energy by which
+    /// it lifts them in this `gravity`, if it moves any. \[m/s^2, J\]
     pub(crate) fn repair<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
         part: &mut MechanismPart<'_, L, A>,
-    ) -> bool {
+        gravity: Vector<f32, L>,
+    ) -> Option<f64> {
         self.repairs = false;
         if !self.is_apart {
-            return false;
+            return None;
         }
         self.kept.clear();
         self.kept.extend(part.axes.iter().map(|axis| (axis.law, axis.impulse)));
@@ -58,16 +59,20 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             (axis.law, axis.impulse) = (*law, *impulse);
         }
         let share = self.share_of_repair(part, &bodies.view());
-        let by = (share * self.substep) as f32;
+        let (by, mut lifted) = ((share * self.substep) as f32, 0.0);
         for (&body, velocity) in self.members.iter().zip(&self.expected) {
-            let moves = bodies.view().inverse_mass(body).linear > 0.0;
-            if moves && let Some(index) = bodies.view().index(body) {
+            let mobility = f64::from(bodies.view().inverse_mass(body).linear);
+            if mobility > 0.0
+                && let Some(index) = bodies.view().index(body)
+            {
                 bodies.displace(index, *velocity * by);
+                let pull = bodies.properties.gravity_on(body as usize, gravity);
+                lifted -= f64::from(pull.dot(velocity.linear * by)) / mobility;
                 let speed = velocity.linear.length() + velocity.angular.length();
                 self.repairs |= share * f64::from(speed) > STILL;
             }
         }
-        true
+        Some(lifted)
     }
 
     /// Adds the speed of repair to the targets of its rows.

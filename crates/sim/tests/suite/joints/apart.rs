@@ -107,3 +107,26 @@ fn a_chain_that_starts_apart_comes_together() {
         preset.below("speed on the way", f64::from(speeds.fold(0.0, f32::max)), 10.0);
     }
 }
+
+/// The ledger counts what repair lifts: m g times the height, and explains all of the energy.
+#[test]
+fn the_ledger_tells_what_repair_lifts() {
+    for mut preset in Preset::both() {
+        preset.settings.ledger = true;
+        let mut world: World<Rigid3, 3, 3> = preset.world();
+        let mut body = Body::new(Motion::Dynamic, [0.0; 3], Rigid3::cuboid([0.1; 3]));
+        body.inertia = Some(inertia(2.0, [0.1; 3]));
+        let id = world.add(body).unwrap();
+        let pose = |y: f32| Rigid3::pose(Vector([0.0, y, 0.0]), &[0.0, 0.0, 0.0, 1.0]);
+        world.join(Joint::fixed([Some(id), None]).in_bodies([pose(0.0), pose(0.3)])).unwrap();
+        let (mut repair, mut created) = (0.0, 0.0);
+        for _ in 0..120 {
+            let ledger = world.step(DT).unwrap().energy.unwrap();
+            repair += ledger.repair;
+            created += ledger.created();
+            assert!(ledger.unexplained().abs() < 1e-6, "{ledger:?}");
+        }
+        preset.check("what repair lifts", repair, 2.0 * ACCELERATION * 0.3);
+        preset.check("what is created", created, 2.0 * ACCELERATION * 0.3);
+    }
+}
