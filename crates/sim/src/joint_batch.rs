@@ -261,7 +261,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 }
                 record.bear(load, turns);
                 record.broken = true;
-                // What it has borne counts once.
+                // Its load is counted, and must not count again when relaxing ends.
                 record.states.iter_mut().for_each(|own| own.solved = 0.0);
                 snapped.push(slots[index]);
                 any = true;

@@ -211,7 +211,7 @@ class Sampling:
         self.tracks = {thing.name_full: [] for thing in [*watched, *suspects]}
         # Names of watched objects that are free at some frame, and of those that are held again later.
         self.freed, self.held_again = set(), set()
-        # Whether objects are stopped, and whether they are Dynamic, at the frames of their tracks.
+        # True for objects that are stopped, and for those that are Dynamic, at the frames of their tracks.
         self._stops, self._dynamic = ({name: [] for name in self.tracks} for _ in range(2))
         # Frames that the channels of objects are in.
         self.above = {thing.name_full: [] for thing in below}

@@ -389,7 +389,7 @@ fn dampers_slow_down_as_their_velocity_says() {
                 };
                 let found = f64::from(world.velocity(id).unwrap().linear[0]);
                 let what = format!("{what}, step {step}");
-                // Of what stops within a substep, a fifth of the way in a step counts, too.
+                // A body that stops within a substep may be off by a part of a fifth of its way in a step.
                 let ends =
                     if force > 0.0 { 2.0 * start } else { start / damping + 0.2 * start / rate };
                 // One that falls at its terminal speed moves before it has an impulse of its own; one that
