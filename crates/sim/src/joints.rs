@@ -103,13 +103,15 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         &self.pairs
     }
 
-    /// Returns true if the joint of this index among those that act has a motor that runs, or if repair moves
-    /// its bodies.
+    /// Returns true if the joint of this index among those that act has a motor that runs.
     pub(crate) fn runs(&self, acting: usize) -> bool {
-        let slot = self.acting[acting];
-        let record = &self.records[slot as usize];
+        let record = &self.records[self.acting[acting] as usize];
         record.rows.iter().any(|row| row.role.runs())
-            || self.linkages.iter().any(|of| of.repairs && of.slots.contains(&slot))
+    }
+
+    /// Returns the bodies of the mechanisms that [repair](crate::joint::repair) has moved last.
+    pub(crate) fn repaired(&self) -> impl Iterator<Item = u32> + '_ {
+        self.linkages.iter().filter(|of| of.repairs).flat_map(|of| of.members.iter().copied())
     }
 
     /// Returns true if joints are [far from their places](crate::joint::repair).

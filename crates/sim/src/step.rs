@@ -669,6 +669,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             return;
         }
         let ConstraintSolver { surfaces, joints, .. } = &self.solver;
+        // Repair moves bodies without a velocity.
+        for body in joints.repaired() {
+            if let Some(still) = self.sleep.still.get_mut(body as usize) {
+                *still = 0.0;
+            }
+        }
         let manifolds = self.contacts.cache.manifolds.len();
         let touching = self.contacts.cache.pairs().chain(joints.pairs());
         let runs = |constraint: usize| match constraint.checked_sub(manifolds) {

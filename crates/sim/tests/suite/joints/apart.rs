@@ -130,3 +130,19 @@ fn the_ledger_tells_what_repair_lifts() {
         preset.check("what is created", created, 2.0 * ACCELERATION * 0.3);
     }
 }
+
+/// A body that repair moves does not fall asleep on its way, and does when it is there.
+#[test]
+fn sleep_waits_for_repair() {
+    for mut preset in Preset::both() {
+        preset.settings.sleep_delay = 0.1;
+        let mut world: World<Rigid3, 3, 3> = preset.weightless();
+        let body = Body::new(Motion::Dynamic, [0.0; 3], Rigid3::cuboid([0.1; 3]));
+        let id = world.add(body).unwrap();
+        let pose = |y: f32| Rigid3::pose(Vector([0.0, y, 0.0]), &[0.0, 0.0, 0.0, 1.0]);
+        world.join(Joint::fixed([Some(id), None]).in_bodies([pose(0.0), pose(0.8)])).unwrap();
+        run(&mut world, 2.0);
+        preset.below("way left", f64::from((place(&world, id)[1] - 0.8).abs()), 1e-4);
+        assert!(world.is_sleeping(id), "{}: awake", preset.name);
+    }
+}
