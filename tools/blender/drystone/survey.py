@@ -6,18 +6,21 @@ from .curves import HOLDS, TRANSFORMS, animates, paths_of
 from .findings import CHANGED, LEFT_OUT
 from .reading import read_by_drivers
 from .sampling import may_move
-from .space import compound_of, first_frame, is_linked, objects_of, unlinked
+from .space import compound_of, first_frame, is_linked, objects_of, unlinked, world_of
 
 # Physics of modifiers that rigid bodies of a bake do not feel.
 OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC_PAINT": "dynamic paint"}
 # Settings of the rigid body world whose keys act; of others only the first value counts.
 FOLLOWED = ("rigidbody_world.time_scale", "rigidbody_world.effector_weights.gravity")
 UNSEEN = " hidden or excluded: instances collide only where they are shown"
+OFF = " whose rigid body world is disabled: baked, in Blender nothing is simulated"
 READ = " whose angles drivers read: of other values while baked, as it turns by a quaternion"
 
 
 def survey_unseen(scene, inside, findings):
-    """Notes bodies that the scene does not show, before it is shown still."""
+    """Notes bodies that the scene does not show, and a disabled world, before it is shown still."""
+    if not world_of(scene).enabled:
+        findings.add(CHANGED, "scene", OFF, scene.name)
     alone = unlinked(scene)
     for thing in alone:
         findings.add(CHANGED, "object", " in the rigid body world alone: part of the bake, as in Blender",
@@ -75,14 +78,26 @@ def survey(scene, inside, findings, sampling, deforming=frozenset()):
             if name in read and _gets_keys(thing):
                 findings.add(CHANGED, "object", READ, name)
         _others(thing, findings)
-    first = first_frame(scene)
-    if first > scene.frame_start:
-        findings.add(CHANGED, "scene", f" whose simulation starts at frame {first}: baked from there, as in Blender",
-                     scene.name)
+    _world(scene, findings)
     paths = paths_of(scene)
     if any(path.startswith("rigidbody_world") and path not in FOLLOWED for path in paths):
         findings.add(CHANGED, "scene", " with keys of rigid body world settings: the values at the first frame hold",
                      scene.name)
+
+
+def _world(scene, findings):
+    """Notes a range of the cache of the rigid body world that is not that of the scene."""
+    def changed(text):
+        findings.add(CHANGED, "scene", text, scene.name)
+
+    cache, first = world_of(scene).point_cache, first_frame(scene)
+    start, end = cache.frame_start, cache.frame_end
+    if start > scene.frame_start:
+        changed(f" whose simulation starts at frame {start}: baked from there, as in Blender")
+    elif start < scene.frame_start:
+        changed(f" whose simulation starts at frame {start}, before the first one: baked from frame {first}")
+    if end < scene.frame_end:
+        changed(f" whose simulation ends at frame {end}: baked to frame {scene.frame_end}, in Blender still from there")
 
 
 def _led(scene, inside):

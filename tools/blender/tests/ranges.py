@@ -69,7 +69,7 @@ def test_led_before_the_start(program, folder):
 
 
 def test_refused_starts(_program, _folder):
-    """A simulation that starts after the last frame is refused; one before the first frame changes nothing."""
+    """A simulation that starts after the last frame is refused; one before the first frame is told."""
     late(start=41)
     try:
         exported()
@@ -78,7 +78,32 @@ def test_refused_starts(_program, _folder):
         assert "starts at frame 41" in str(error)
     late(first=30, start=20)
     shot = exported()
-    assert not lines(shot) and shot.document["steps"] == 10 and shot.document["extras"] == {"frame_start": 30}
+    assert shot.document["steps"] == 10 and shot.document["extras"] == {"frame_start": 30}
+    assert lines(shot) == ["1 scene whose simulation starts at frame 20, before the first one: baked from frame 30: "
+                           "'Scene'"], lines(shot)
+
+
+def test_simulation_ends_early(program, folder):
+    """A cache that ends before the scene is told: bodies stop there in Blender, and move on in a bake."""
+    scene, crate = late(start=1)
+    scene.rigidbody_world.point_cache.frame_end = 12
+    blender = in_blender()[:, 0, 2, 3]
+    assert np.ptp(blender[11:]) == 0 and blender[10] > blender[11] > 1
+    run, _, poses = full_bake(program, folder)
+    assert len(poses) == 40 and heights(crate, 40)[0] < blender[-1] - 0.1
+    assert lines(run.shot) == ["1 scene whose simulation ends at frame 12: baked to frame 40, in Blender still from "
+                               "there: 'Scene'"], lines(run.shot)
+
+
+def test_disabled_world(program, folder):
+    """A disabled world is told, baked all the same, and stays disabled."""
+    scene, crate = late(start=1)
+    scene.rigidbody_world.enabled = False
+    assert np.ptp(in_blender()[:, 0, 2, 3]) == 0
+    run, _, _ = full_bake(program, folder)
+    assert lines(run.shot) == ["1 scene whose rigid body world is disabled: baked, in Blender nothing is simulated: "
+                               "'Scene'"], lines(run.shot)
+    assert heights(crate, 40)[0] < 2.5 and not scene.rigidbody_world.enabled
 
 
 def key_world(scene, keys):
