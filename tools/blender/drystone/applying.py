@@ -8,8 +8,8 @@ from . import cache, contacts
 from .curves import set_keys
 from .exporting import channels_of
 from .moves import take_reparented
-from .originals import (Actions, assign, bag_of, baked_things, forget, remove_unused_actions, take_edits,
-                        take_over)
+from .originals import Actions, assign, bag_of, forget, remove_unused_actions, take_edits, take_over
+from .owners import MARK, OWNER, mark_of, own_bake
 from .recordings import BAKE, read_arrays, require
 from .space import (ORIGINAL, first_frame, is_baked, objects_of, refuse_stretching, scene_with, show_again, time_step,
                     uid_of)
@@ -108,7 +108,7 @@ class Keys:
     def begin(self, kept):
         """Restores objects of earlier bakes that are not part of this one, but for those to be kept."""
         stay = {self._uids.get(name) for name in [*self.channels, *kept]}
-        left = [] if self.past else [thing.session_uid for thing in baked_things(self.scene)]
+        left = [] if self.past else [thing.session_uid for thing in own_bake(self.scene)]
         for uid in left:
             thing = self._thing_with(uid)
             if thing and uid not in stay:
@@ -134,7 +134,7 @@ class Keys:
         if name not in self.taken:
             if not past:
                 self._note_first(thing, int(frames[0]), [*places[0], *turns[0]])
-            thing[ORIGINAL]["name"] = name
+            thing[ORIGINAL]["name"], thing[ORIGINAL][OWNER] = name, mark_of(self.scene)
             self.taken.add(name)
 
     def _note_first(self, thing, frame, channels):
@@ -201,14 +201,15 @@ def apply(context, path):
 
 
 def delete_bake(scene):
-    """Restores all objects of a scene to their state before the bake; returns how many."""
+    """Restores all objects of the bake of a scene to their state before it; returns how many."""
     contacts.clear(scene)
     cache.forget(scene)
     take_edits(scene)
     take_reparented(scene)
-    things = baked_things(scene)
+    things = own_bake(scene)
     for thing in things:
         forget(thing)
+    scene.pop(MARK, None)
     remove_unused_actions()
     show_again(scene)
     return len(things)

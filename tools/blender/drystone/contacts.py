@@ -3,10 +3,11 @@
 import bpy
 import numpy as np
 
+from .owners import Owners, mark_of
 from .recordings import read_arrays, require, write_arrays
 
 NAME = "Drystone Contacts"
-# Mark of the object, and of its nodes: their number, which users change.
+# Property of the object with the mark of its bake, and of its nodes with their number, which users change.
 MARK = "drystone_contacts"
 # Custom property with the names of the bodies, of which `body_a` and `body_b` are the indices.
 BODIES = "bodies"
@@ -51,13 +52,17 @@ def write(path, contacts):
 
 
 def found(scene):
-    """Returns the object with contacts of a scene, or None."""
-    return next((thing for thing in scene.objects if MARK in thing), None)
+    """Returns the object with contacts of the bake of a scene, wherever it is by now, or None."""
+    owners = Owners()
+    things = [thing for thing in bpy.data.objects if MARK in thing and not thing.library]
+    things.sort(key=lambda thing: not owners.shows(scene, thing))
+    return next((thing for thing in things if owners.has_contacts(scene, thing, thing[MARK])), None)
 
 
 def show(scene, contacts, first, step):
     """Makes the object with contacts, or renews its points; `first` is the frame of the time 0."""
     thing = _object(scene)
+    thing[MARK] = mark_of(scene)
     mesh, count = thing.data, len(contacts["positions"])
     # The mesh stays, with its materials.
     mesh.clear_geometry()
@@ -116,7 +121,6 @@ def _object(scene):
     thing = found(scene)
     if not thing:
         thing = bpy.data.objects.new(NAME, bpy.data.meshes.new(NAME))
-        thing[MARK] = True
         scene.collection.objects.link(thing)
         thing.modifiers.new("Current Frame", "NODES").node_group = _nodes()
     return thing

@@ -19,6 +19,7 @@ from .joints import JointExporter
 from .locks import add_locks, locks_of
 from .moves import show_moves, take_moves
 from .originals import take_edits
+from .owners import baked_elsewhere
 from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
 from .shapes import ShapeExporter, source_of
 from .space import (body_of, compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of,
@@ -36,6 +37,7 @@ DEFORMING = {"ARMATURE", "CAST", "CLOTH", "CORRECTIVE_SMOOTH", "CURVE", "DISPLAC
              "SOFT_BODY", "SURFACE_DEFORM", "WARP", "WAVE", "VOLUME_DISPLACE"}
 # Phrases of findings on objects that no bake can follow.
 FOLLOWING, AS_AT_FIRST = "following a body that the simulation moves", "still, as at the first frame"
+ELSEWHERE = " baked in another scene: without that bake once it is baked here"
 VERTICES, BESIDES = " with vertices that follow an active body", "without that part of their motion"
 
 
@@ -375,6 +377,8 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
             exporter = Exporter(context, abilities, substeps, inside, instances, kept, findings)
             shot = exporter.export()
             survey(scene, inside, findings, exporter.sampling, exporter.deforming.names)
+    for name in baked_elsewhere(scene, shot.channels):
+        findings.add(CHANGED, "object", ELSEWHERE, name)
     if start:
         start.begin(shot, abilities)
     add_locks(shot.document, shot.locks, findings)

@@ -14,14 +14,15 @@ from .cache import folder_of
 from .cutting import Cutting
 from .exporting import Abilities, export
 from .findings import LEFT_OUT, Finding, counted
-from .originals import baked_things, strays
+from .originals import baked_things
+from .owners import own_bake, strays
 from .pieces import OPERATOR
 from .settings import preference
 from .stages import write_stage
 
 # Time between two looks at a running bake. [s]
 TICK = 0.05
-# Phrase for baked objects that moved to scenes without rigid bodies.
+# Phrase for baked objects in other scenes whose own scene was deleted, or is not noted.
 STRAY = " in other scenes alone: delete the bake there"
 # The bake or the check that runs, if any.
 running = None
@@ -236,7 +237,7 @@ class Deleting(Operator):
 
     @classmethod
     def poll(cls, context):
-        return running is None and bool(baked_things(context.scene))
+        return running is None and bool(own_bake(context.scene))
 
     def execute(self, context):
         delete_bake(context.scene)

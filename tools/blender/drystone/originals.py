@@ -8,7 +8,8 @@ import numpy as np
 from mathutils import Matrix
 
 from .curves import animates, channelbags, copy_curves, curves_of, digests_of, is_replaced
-from .space import ORIGINAL, is_baked, objects_of
+from .owners import Owners
+from .space import ORIGINAL, is_baked, objects_of, simulated
 from .switches import (OURS, Snapshot, clean_strips, edits_of, is_ours, note_made, restore_strips, slot_with,
                        turn_off, turn_on)
 
@@ -132,13 +133,15 @@ def _show_original(thing):
 
 
 def baked_things(scene):
-    return [thing for thing in objects_of(scene).values() if is_baked(thing) and not thing.library]
+    """Returns the baked objects of a scene: those of its own bake, and those that it simulates.
 
-
-def strays():
-    """Returns the baked objects that are in no scene with a rigid body world: no bake there restores them."""
-    return [thing for thing in bpy.data.objects if is_baked(thing) and not thing.library
-            and not any(scene.rigidbody_world for scene in thing.users_scene)]
+    Others are of the bake of another scene, and move by its keys.
+    """
+    things = [thing for thing in objects_of(scene).values() if is_baked(thing) and not thing.library]
+    owners = Owners()
+    others = [thing for thing in things if not owners.has_bake(scene, thing)]
+    left = set(others) - set(simulated(scene).values()) if others else ()
+    return [thing for thing in things if thing not in left]
 
 
 @contextmanager

@@ -160,3 +160,21 @@ def test_modifiers_removed(_program, _folder):
     contacts.show(scene, made(), 1, 1 / 24).modifiers.clear()
     contacts.clear(scene)
     assert contacts.found(scene) is None and not bpy.data.node_groups and not bpy.data.meshes
+
+
+def test_contacts_in_other_scenes(program, folder):
+    """Contacts that moved to another scene stay those of their bake; a shared object of these is no other scene's."""
+    scene = stage(DOWN, 12)
+    block("crate", (0, 0, 0.6))
+    block("floor", (0, 0, -0.5), "PASSIVE")
+    options = baking.Options(contacts=True)
+    full_bake(program, folder, options)
+    thing, other = contacts.found(scene), bpy.data.scenes.new("Other")
+    other.collection.objects.link(thing)
+    assert contacts.found(other) is None and contacts.found(scene) == thing
+    contacts.clear(other)
+    scene.collection.objects.unlink(thing)
+    full_bake(program, folder, options)
+    assert contacts.found(scene) == thing and len(thing.data.vertices) and contacts.found(other) is None
+    applying.delete_bake(scene)
+    assert contacts.NAME not in bpy.data.objects

@@ -65,24 +65,95 @@ def test_own_property(program, folder):
         assert applying.delete_bake(scene) == 0
 
 
-def test_other_scene(program, folder):
-    """Delete Bake names baked objects that moved to a scene without rigid bodies, where it restores them."""
+def moved(thing, scene):
+    """Moves an object to a scene alone."""
+    for collection in thing.users_collection:
+        collection.objects.unlink(thing)
+    scene.collection.objects.link(thing)
+    return thing
+
+
+def second_scene(*things):
+    """A scene with a world of its own that simulates some objects."""
+    other = bpy.data.scenes.new("Other")
+    other.frame_end = bpy.context.scene.frame_end
+    bpy.context.window.scene = other
+    bpy.ops.rigidbody.world_add()
+    block("own", (0, 9, 3))
+    for thing in things:
+        other.rigidbody_world.collection.objects.link(thing)
+    return other
+
+
+def test_moved_to_another_scene(program, folder):
+    """Delete Bake restores the objects of a bake in whatever scene they are, and those of no other bake."""
+    def work():
+        for has_world in (False, True):
+            scene = empty(last=6)
+            crate, gone = block("crate", (0, 0, 3)), block("gone", (5, 0, 3))
+            scene.drystone.cache = str(folder)
+            assert bpy.ops.drystone.bake() == {"FINISHED"}
+            other = second_scene() if has_world else bpy.data.scenes.new("Other")
+            moved(gone, other)
+            bpy.context.window.scene = other
+            if has_world:
+                other.drystone.cache = str(folder)
+                assert bpy.ops.drystone.bake() == {"FINISHED"} and "drystone" in other.objects["own"]
+            bpy.context.window.scene = scene
+            bpy.ops.drystone.delete_bake()
+            assert not any("drystone" in thing or thing.rigid_body.kinematic for thing in (crate, gone))
+            assert not has_world or "drystone" in other.objects["own"]
+            assert scene.drystone.said == "" and not bpy.ops.drystone.delete_bake.poll()
+
+    in_panel(program, work)
+
+
+def test_deleted_scene(program, folder):
+    """Objects whose scene was deleted are named, and restored where they are."""
     def work():
         scene = empty(last=6)
-        crate, gone = block("crate", (0, 0, 3)), block("gone", (5, 0, 3))
+        gone = block("gone", (5, 0, 3))
         scene.drystone.cache = str(folder)
-        assert bpy.ops.drystone.bake() == {"FINISHED"}
-        other = bpy.data.scenes.new("Other")
-        other.collection.objects.link(gone)
-        for collection in gone.users_collection:
-            if collection != other.collection:
-                collection.objects.unlink(gone)
+        bpy.ops.drystone.bake()
+        other, third = second_scene(), bpy.data.scenes.new("Third")
+        moved(gone, third)
+        bpy.data.scenes.remove(scene)
+        other.drystone.cache = str(folder)
+        bpy.ops.drystone.bake()
         bpy.ops.drystone.delete_bake()
-        assert "drystone" not in crate and "drystone" in gone
-        assert scene.drystone.said == "1 baked object in other scenes alone: delete the bake there: 'gone'"
-        bpy.context.window.scene = other
+        assert other.drystone.said == "1 baked object in other scenes alone: delete the bake there: 'gone'"
+        bpy.context.window.scene = third
         bpy.ops.drystone.delete_bake()
-        assert "drystone" not in gone and not gone.rigid_body.kinematic and other.drystone.said == ""
+        assert "drystone" not in gone and not gone.rigid_body.kinematic and third.drystone.said == ""
+
+    in_panel(program, work)
+
+
+def test_shared_by_two_scenes(program, folder):
+    """A scene that shows objects of another scene's bake leaves them; one that simulates them, too, says so."""
+    def work():
+        scene = empty(last=6)
+        shown, shared = block("shown", (0, 0, 3)), block("shared", (5, 0, 3))
+        scene.drystone.cache = str(folder)
+        bpy.ops.drystone.bake()
+        keys = [thing.animation_data.action for thing in (shown, shared)]
+        other = second_scene()
+        for thing in (shown, shared):
+            other.collection.objects.link(thing)
+        other.drystone.cache = str(folder)
+        for do in (bpy.ops.drystone.bake, bpy.ops.drystone.delete_bake):
+            assert do() == {"FINISHED"}
+            assert [thing.animation_data.action for thing in (shown, shared)] == keys, do
+        assert not bpy.ops.drystone.delete_bake.poll()
+        other.rigidbody_world.collection.objects.link(shared)
+        run, document, _ = full_bake(program, folder)
+        told = "1 object baked in another scene: without that bake once it is baked here: 'shared'"
+        assert told in lines(run.shot), lines(run.shot)
+        place = next(body["position"] for body in document["bodies"] if body["name"] == "shared")
+        assert document["bodies"][-1]["motion"] == "dynamic" and np.allclose(place, (5, 3, 0)), document["bodies"]
+        bpy.context.window.scene = scene
+        bpy.ops.drystone.delete_bake()
+        assert "drystone" not in shown and "drystone" in shared
 
     in_panel(program, work)
 
