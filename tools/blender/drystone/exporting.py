@@ -14,7 +14,7 @@ from .curves import HOLDS, animates
 from .deforming import Deforming, deforms
 from .findings import CHANGED, LEFT_OUT, Findings
 from .forces import Winds, fields
-from .instances import MOVING, instances_of
+from .instances import COLLIDING, MOVING, instances_of
 from .joints import JointExporter
 from .locks import add_locks, locks_of
 from .moves import show_moves, take_moves
@@ -288,6 +288,7 @@ class Exporter:
             self.findings.add(CHANGED, "instancer", f" {FOLLOWING}: {AS_AT_FIRST}", name)
         elif self.sampling.is_moved_rigidly(name):
             self.findings.add(CHANGED, "instancer", MOVING, name)
+        self.findings.add(CHANGED, "instancer", COLLIDING, name)
         of, shapes = body_of(instance.thing).rigid_body, self.shapes.instance(instance.thing, instance.matrix)
         return self.described(instance.name, of, "static", instance.matrix, shapes) if shapes else None
 

@@ -10,6 +10,7 @@ from .space import body_of, is_sound
 
 ACTIVE = " of active objects: left out. Object > Apply > Make Instances Real"
 MESHES = " with instances of meshes by Geometry Nodes: only its own mesh collides, unless realized"
+COLLIDING = " of passive objects: these collide, in Blender they do not"
 MOVING = " of passive objects that may move: still, as at the first frame"
 SIZELESS = " without a size or a place: left out"
 

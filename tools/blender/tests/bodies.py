@@ -212,7 +212,7 @@ def test_in_the_world_alone(program, folder):
 def test_sources_as_in_blender(program, folder):
     """A crate rests as high as in Blender. The source Deform ends at the first modifier that makes vertices."""
     for source in ("BASE", "DEFORM", "FINAL"):
-        for kinds in (("BEVEL", "DISPLACE"), ("DISPLACE", "BEVEL"), ("DISPLACE", "COLLISION")):
+        for kinds in (("BEVEL", "DISPLACE"), ("DISPLACE", "BEVEL"), ("DISPLACE", "COLLISION"), ("ARRAY",)):
             scene = empty(last=60)
             floor = add(cube(1, (0, 0, -0.5)), "PASSIVE", "BOX", "floor")
             floor.scale = (20, 20, 1)
@@ -223,6 +223,8 @@ def test_sources_as_in_blender(program, folder):
                     modifier.mid_level, modifier.strength = 0, 1
                 elif kind == "BEVEL":
                     modifier.width = 0.01
+                elif kind == "ARRAY":
+                    modifier.relative_offset_displace = (0, 0, -1)
             bpy.context.view_layer.update()
             blender = in_blender()[-1, 0, 2, 3]
             full_bake(program, folder)
