@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 # Modules of tests, whose functions `test_...` take the program and an empty folder.
 MODULES = ["bodies", "joints", "locks", "keys", "actions", "since", "drivers", "findings", "release", "running",
-           "meanwhile", "here", "contacts", "pieces", "passive", "hidden", "ranges", "files", "stages", "packaging",
+           "meanwhile", "here", "contacts", "pieces", "passive", "hidden", "ranges", "files", "overrides", "stages", "packaging",
            "scenes_compared"]
 
 

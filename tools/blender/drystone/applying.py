@@ -10,6 +10,7 @@ from .exporting import channels_of
 from .moves import take_reparented
 from .originals import Actions, assign, bag_of, forget, remove_unused_actions, take_edits, take_over
 from .owners import MARK, OWNER, mark_of, own_bake
+from .overrides import hold, keep_states, take_states
 from .recordings import BAKE, read_arrays, require
 from .space import (ORIGINAL, first_frame, is_baked, objects_of, refuse_stretching, scene_with, show_again, time_step,
                     uid_of)
@@ -131,6 +132,8 @@ class Keys:
             turns = turns * _sign_after(past, turns[0])
         set_keys(bag, "location", frames, places, past)
         set_keys(bag, "rotation_quaternion", frames, turns, past)
+        if thing.override_library:
+            hold(bag, self.first)
         if name not in self.taken:
             if not past:
                 self._note_first(thing, int(frames[0]), [*places[0], *turns[0]])
@@ -176,6 +179,7 @@ class Keys:
         self.actions.end()
         scene = self.scene
         scene.frame_end = max(scene.frame_end, self.first + int(last))
+        keep_states(scene)
         show_again(scene)
 
 
@@ -204,12 +208,14 @@ def delete_bake(scene):
     """Restores all objects of the bake of a scene to their state before it; returns how many."""
     contacts.clear(scene)
     cache.forget(scene)
+    take_states(scene)
     take_edits(scene)
     take_reparented(scene)
     things = own_bake(scene)
     for thing in things:
         forget(thing)
     scene.pop(MARK, None)
+    keep_states(scene)
     remove_unused_actions()
     show_again(scene)
     return len(things)

@@ -20,6 +20,7 @@ from .locks import add_locks, locks_of
 from .moves import show_moves, take_moves
 from .originals import take_edits
 from .owners import baked_elsewhere
+from .overrides import take_states
 from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
 from .shapes import ShapeExporter, source_of
 from .space import (body_of, compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of,
@@ -37,6 +38,8 @@ DEFORMING = {"ARMATURE", "CAST", "CLOTH", "CORRECTIVE_SMOOTH", "CURVE", "DISPLAC
              "SOFT_BODY", "SURFACE_DEFORM", "WARP", "WAVE", "VOLUME_DISPLACE"}
 # Phrases of findings on objects that no bake can follow.
 FOLLOWING, AS_AT_FIRST = "following a body that the simulation moves", "still, as at the first frame"
+LINKED = " linked from another file: no keys, unless overridden or made local"
+OVERRIDDEN = " overridden, but not editable, or with drivers or NLA tracks: no keys, unless made local"
 ELSEWHERE = " baked in another scene: without that bake once it is baked here"
 VERTICES, BESIDES = " with vertices that follow an active body", "without that part of their motion"
 
@@ -204,8 +207,7 @@ class Exporter:
         """Returns the channels of active bodies by name, of those that can have keys."""
         for thing in things:
             if is_linked(thing):
-                self.findings.add(LEFT_OUT, "object", " linked from another file: no keys, unless made local",
-                                  thing.name_full)
+                self.findings.add(LEFT_OUT, "object", LINKED if thing.library else OVERRIDDEN, thing.name_full)
         channels = {thing.name_full: Channels(thing, self.sampling.above.get(thing.name_full))
                     for thing in things if not is_linked(thing)}
         for of in channels.values():
@@ -358,6 +360,7 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
     """
     scene = context.scene
     world_of(scene)
+    take_states(scene)
     if scene.frame_end < scene.frame_start:
         raise ValueError("the last frame of the scene is before its first")
     if scene.frame_end < first_frame(scene):

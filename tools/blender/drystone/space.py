@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .curves import animates
+from .curves import animates, drivers_of, is_replaced
 
 # Name of the custom property that holds the state of an object before its bake.
 ORIGINAL = "drystone"
@@ -169,8 +169,15 @@ def simulated(scene):
 
 
 def is_linked(thing):
-    """Tells whether an object comes from another file, so that a saved file loses keys of a bake on it."""
-    return bool(thing.library or thing.override_library)
+    """Tells whether an object comes from another file, so that a saved file loses keys of a bake on it.
+
+    Editable overrides keep keys. But a file does not keep that their drivers and tracks are off.
+    """
+    override, data = thing.override_library, thing.animation_data
+    if not override:
+        return bool(thing.library)
+    is_driven = any(is_replaced(driver.data_path) for driver in drivers_of(thing))
+    return override.is_system_override or is_driven or bool(data and data.nla_tracks)
 
 
 def compound_of(thing):

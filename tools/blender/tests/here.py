@@ -266,6 +266,7 @@ def test_linked_from_here(program, folder):
         linked, _ = with_linked(folder, (9, 0, 40))
         if is_overridden:
             linked = linked.override_create(remap_local_usages=True)
+            linked.override_library.is_system_override = True
         name = linked.name_full
         run, document, poses = full_bake(program, folder)
         index = [body["name"] for body in document["bodies"]].index(name)
