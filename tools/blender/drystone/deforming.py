@@ -10,12 +10,13 @@ STILL = 1e-6
 FLAT = 1e-8
 # Digits of coordinates after the point. [m]
 DIGITS = 7
+FINAL = " with modifiers and the source Final: followed, in Blender with the source Deform alone"
 
 
 def deforms(thing):
-    """Tells whether the shape of an object is a mesh that follows its deformation."""
+    """Tells whether the shape of an object is a mesh that follows its deformation, whatever its source."""
     of = thing.rigid_body
-    return of.type == "PASSIVE" and of.use_deform and of.collision_shape == "MESH" and of.mesh_source != "BASE"
+    return of.type == "PASSIVE" and of.use_deform and of.collision_shape == "MESH"
 
 
 def have_area(corners):
@@ -34,6 +35,8 @@ class Deforming:
         self.shapes = shapes
         self.findings = findings
         self._points = {thing.name_full: [] for thing in things}
+        self._final = {thing.name_full for thing in things
+                       if thing.rigid_body.mesh_source == "FINAL" and any(of.show_viewport for of in thing.modifiers)}
         # Triangles of the first frame, and whether they have had an area at all frames, by name.
         self._triangles, self._sound = {}, {}
 
@@ -55,6 +58,8 @@ class Deforming:
         """Gives the mesh of a body its vertices at each frame, if they move in a way that Drystone follows."""
         track = self._track(name, step) if name in self._points else None
         if track:
+            if name in self._final:
+                self._told(name, FINAL)
             # Drystone refuses triangles that lose their area at some frame.
             triangles, sound = self._triangles[name], self._sound[name]
             shapes[0] |= {"triangles": triangles[sound].tolist(), "vertex_track": track}

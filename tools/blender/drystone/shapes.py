@@ -3,6 +3,7 @@
 import numpy as np
 from mathutils import Matrix
 
+from .deforming import deforms
 from .findings import CHANGED, LEFT_OUT
 from .masses import mass_keys, solid_of
 from .pieces import OPERATOR, STALE, hash_of, points_of, shown_pieces
@@ -27,9 +28,14 @@ SIZED = " with an uneven scale: as wide as the whole mesh, in Blender by the sca
 
 
 def source_of(thing):
-    """Returns the source of the mesh that a shape is made of: BASE, DEFORM or FINAL."""
+    """Returns the source of the mesh that a shape is made of: BASE, DEFORM or FINAL.
+
+    Blender moves the vertices of a deforming mesh with the source Base to those of Deform.
+    """
     of = thing.rigid_body
-    return "FINAL" if of.collision_shape in BOUNDED else of.mesh_source
+    if of.collision_shape in BOUNDED:
+        return "FINAL"
+    return "DEFORM" if of.mesh_source == "BASE" and deforms(thing) else of.mesh_source
 
 
 def axes_of(points):

@@ -5,7 +5,8 @@ import bpy
 from .curves import HOLDS, TRANSFORMS, animates, paths_of
 from .findings import CHANGED, LEFT_OUT
 from .reading import read_by_drivers
-from .sampling import may_move
+from .sampling import may_be_moved, may_move
+from .shapes import source_of
 from .space import compound_of, first_frame, is_linked, objects_of, unlinked, world_of
 
 # Physics of modifiers that rigid bodies of a bake do not feel.
@@ -14,6 +15,7 @@ OTHERS = {"CLOTH": "cloth", "SOFT_BODY": "soft body", "FLUID": "fluid", "DYNAMIC
 FOLLOWED = ("rigidbody_world.time_scale", "rigidbody_world.effector_weights.gravity")
 UNSEEN = " hidden or excluded: instances collide only where they are shown"
 OFF = " whose rigid body world is disabled: baked, in Blender nothing is simulated"
+SKIN = " with a mesh that moves without Deforming: of the shape at the first frame, as in Blender"
 READ = " whose angles drivers read: of other values while baked, as it turns by a quaternion"
 
 
@@ -112,6 +114,17 @@ def _gets_keys(thing):
     return may_move(thing) and not compound_of(thing) and not is_linked(thing)
 
 
+def _is_skin(thing):
+    """Tells whether an armature or keys of shapes may move the vertices that an object collides with."""
+    if thing.type != "MESH" or source_of(thing) == "BASE":
+        return False
+    keys = thing.data.shape_keys
+    if keys and keys.animation_data:
+        return True
+    rigs = [of.object for of in thing.modifiers if of.type == "ARMATURE" and of.show_viewport and of.object]
+    return any(may_be_moved(rig) or any(bone.constraints for bone in rig.pose.bones) for rig in rigs)
+
+
 def _body(thing, inside, findings, is_resized, is_followed):
     of = thing.rigid_body
 
@@ -129,6 +142,9 @@ def _body(thing, inside, findings, is_resized, is_followed):
         changed(" sized by a parent or a constraint: of the size at the first frame")
     if of.use_deform and not is_followed:
         changed(" with a mesh that deforms: of the shape at the first frame")
+    if not of.use_deform and _is_skin(thing):
+        noun = "passive object" if of.type == "PASSIVE" else "active object"
+        findings.add(CHANGED, noun, SKIN, thing.name_full)
     if of.use_margin and of.collision_margin > 0:
         changed(" with a collision margin: without margin")
     if _gets_keys(thing) and any(each.enabled for each in thing.constraints):

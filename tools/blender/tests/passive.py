@@ -207,7 +207,7 @@ def test_deforming_is_exported(_program, _folder):
     for i in (1, 5, 6):
         corner[i].co = corner[0].co
     floor("still", (30, 0, 0))
-    floor("base", (40, 0, 0), mesh_source="BASE")
+    rises(floor("base", (40, 0, 0), mesh_source="BASE"), 1.0)
     counted = floor("counted", (50, 0, 0), mesh_source="FINAL").modifiers.new("Array", "ARRAY")
     for frame, count in ((1, 1), (12, 2)):
         counted.count = count
@@ -216,10 +216,10 @@ def test_deforming_is_exported(_program, _folder):
     scene.frame_set(1)
     shot = exported()
     tracks = {body["name"]: body["shapes"][0].get("vertex_track") for body in shot.document["bodies"]}
-    assert {name for name, track in tracks.items() if track} == {"rising", "turning", "growing", "folding"}
+    assert {name for name, track in tracks.items() if track} == {"rising", "turning", "growing", "folding", "base"}
     shapes = body_of(shot, "folding")["shapes"][0]
     assert len(shapes["triangles"]) < len(body_of(shot, "rising")["shapes"][0]["triangles"]) == 32
-    for name in ("rising", "turning", "growing"):
+    for name in ("rising", "turning", "growing", "base"):
         track, body = tracks[name], body_of(shot, name)
         assert np.allclose(track["times"], np.arange(24) / 24)
         assert np.allclose(track["points"][0], body["shapes"][0]["vertices"], atol=1e-6)
@@ -234,8 +234,7 @@ def test_deforming_is_exported(_program, _folder):
     scene.frame_set(1)
     assert lines(shot) == [
         "1 deforming object with triangles that lose their area at some frame: without these: 'folding'",
-        "1 deforming object whose number of vertices changes: of the shape at the first frame: 'counted'",
-        "1 object with a mesh that deforms: of the shape at the first frame: 'base'"], lines(shot)
+        "1 deforming object whose number of vertices changes: of the shape at the first frame: 'counted'"], lines(shot)
     old = lines(exported(exporting.Abilities()))
     assert old == ["7 objects with a mesh that deforms: of the shape at the first frame: "
                    "'rising', 'turning', 'growing', 'folding', 'still', 'base', 'counted'",
@@ -253,6 +252,61 @@ def test_rising_floor(program, folder):
     rose = poses[-1, crate, 1] - 0.5
     print(f"passive: a floor that rises by 1 m carries a crate by {rose:.4f} m")
     assert abs(rose - 1) < 2e-3
+
+
+def swinging(source="DEFORM", use_deform=True):
+    """An arm that its bone turns towards a ball."""
+    scene = stage(DOWN, 36)
+    block("floor", (0, 0, -5), "PASSIVE", size=10)
+    make = bpy.ops.mesh.primitive_grid_add
+    arm = add(lambda: make(x_subdivisions=4, y_subdivisions=2, size=1), "PASSIVE", "MESH", "arm", mesh_source=source,
+              use_deform=use_deform)
+    for vertex in arm.data.vertices:
+        x, y, _ = vertex.co
+        vertex.co = (0, 2 * x + 1.2, y + 0.5)
+    rig(arm)
+    bpy.data.objects["rig"].pose.bones["bone"].rotation_mode = "XYZ"
+    for frame, angle in ((1, 0), (24, 1)):
+        bone = bpy.data.objects["rig"].pose.bones["bone"]
+        bone.rotation_euler = (0, 0, angle)
+        bone.keyframe_insert("rotation_euler", frame=frame)
+    add(lambda: bpy.ops.mesh.primitive_uv_sphere_add(radius=0.3, location=(-0.6, 1.6, 0.3)), "ACTIVE", "SPHERE", "ball")
+    scene.frame_set(1)
+    return scene
+
+
+def test_skins(program, folder):
+    """An armature moves a passive mesh as in Blender with the sources Base and Deform; the source Final is told."""
+    final = "1 deforming object with modifiers and the source Final: followed, in Blender with the source Deform " \
+            "alone: 'arm'"
+    for source in ("BASE", "DEFORM", "FINAL"):
+        scene = swinging(source)
+        blender = in_blender()[-1, 0, 0, 3]
+        scene.frame_set(1)
+        run, _, poses = full_bake(program, folder)
+        ball = [body["name"] for body in run.shot.document["bodies"]].index("ball")
+        assert poses[-1, ball, 0] < -1.5 and (blender < -1.5) == (source != "FINAL"), (source, poses[-1, ball], blender)
+        assert lines(run.shot) == ([final] if source == "FINAL" else []), lines(run.shot)
+
+
+def test_skins_that_do_not_deform(program, folder):
+    """An armature without Deforming moves no shape, as in Blender, and is told, as that of an active body is."""
+    told = "with a mesh that moves without Deforming: of the shape at the first frame, as in Blender: 'arm'"
+    scene = swinging(use_deform=False)
+    assert abs(in_blender()[-1, 0, 0, 3] + 0.6) < 1e-3
+    scene.frame_set(1)
+    run, _, poses = full_bake(program, folder)
+    ball = [body["name"] for body in run.shot.document["bodies"]].index("ball")
+    assert abs(poses[-1, ball, 0] + 0.6) < 1e-3 and lines(run.shot) == [f"1 passive object {told}"], lines(run.shot)
+    arm = scene.objects["arm"]
+    arm.rigid_body.type, arm.rigid_body.collision_shape = "ACTIVE", "CONVEX_HULL"
+    assert f"1 active object {told}" in lines(exported()), lines(exported())
+    arm.rigid_body.mesh_source = "BASE"
+    assert not any("Deforming" in line for line in lines(exported()))
+    scene.objects["rig"].pose.bones["bone"].rotation_euler = (0, 0, 0)
+    scene.objects["rig"].animation_data_clear()
+    arm.rigid_body.mesh_source = "DEFORM"
+    assert not any("Deforming" in line for line in lines(exported()))
 
 
 def test_following_a_body(program, folder):
@@ -344,13 +398,13 @@ def test_vertices_following_a_body(program, folder):
             "'below a vertex'" in said, said
         said = [line for line in said if "vertices that follow" in line]
         tracked = "without that part of their motion"
-        names = "'hooked', 'rigged', 'in lattice', 'driven', 'onto'"
+        names = "'hooked', 'rigged', 'in lattice', 'driven', 'onto', 'base'"
         if abilities.vertex_track:
-            wanted = [f"5 passive objects with vertices that follow an active body: {tracked}: {names}",
+            wanted = [f"6 passive objects with vertices that follow an active body: {tracked}: {names}",
                       "1 passive object with vertices that follow an active body: as at the first frame: 'box'"]
         else:
             names = names.replace("'hooked', ", "'hooked', 'box', ")
-            wanted = [f"6 passive objects with vertices that follow an active body: as at the first frame: {names}"]
+            wanted = [f"7 passive objects with vertices that follow an active body: as at the first frame: {names}"]
         wanted.append("1 object with vertices that follow an active body: as at the first frame: 'active'")
         assert sorted(said) == sorted(wanted), said
         assert plain == [tuple(thing.location) + tuple(thing.delta_location) for thing in scene.objects]
