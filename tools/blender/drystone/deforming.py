@@ -10,7 +10,7 @@ STILL = 1e-6
 FLAT = 1e-8
 # Digits of coordinates after the point. [m]
 DIGITS = 7
-FINAL = " with modifiers and the source Final: followed, in Blender with the source Deform alone"
+FINAL = " with modifiers and the source Final: followed, in Blender for certain only with Deform"
 
 
 def deforms(thing):

@@ -280,6 +280,7 @@ class Exporter:
         body = self.described(thing.name_full, of, motion, thing.matrix_world, shapes)
         if motion == "dynamic":
             body |= self.dynamics(thing) | self.shapes.mass_keys(shapes, of.mass)
+            self.shapes.tell_center(thing, shapes)
         return body | self.track(thing, motion)
 
     def instance(self, instance):

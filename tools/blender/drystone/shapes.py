@@ -5,7 +5,7 @@ from mathutils import Matrix
 
 from .deforming import deforms
 from .findings import CHANGED, LEFT_OUT
-from .masses import mass_keys, solid_of
+from .masses import joined, mass_keys, solid_of
 from .pieces import OPERATOR, STALE, hash_of, points_of, shown_pieces
 from .space import is_sound, parts_of, pose_of, rigid, stretch, turned
 
@@ -16,6 +16,9 @@ THINNEST, THIN = 1e-3, 0.01
 # Least distance of the middle of a mesh from its origin that counts, as a part of half its size.
 OFF = 0.01
 ORIGIN = " with a mesh off its origin: the shape is around the mesh, in Blender around the origin"
+# Least distance of the center of mass from the origin that counts, as a part of the size.
+OFF_CENTER = 0.05
+CENTER = " with a center of mass off the origin: that of the volume, in Blender the origin"
 # Kinds of shapes that the bounding box of the final mesh sizes, whatever the source.
 BOUNDED = ("BOX", "SPHERE", "CYLINDER", "CAPSULE", "CONE")
 # Sides of the hull of a cone.
@@ -141,10 +144,20 @@ class ShapeExporter:
 
     def mass_keys(self, shapes, mass):
         """Returns the keys of the body at hand that keep the masses of its meshes: pieces may overlap."""
-        if not self._solids:
-            return {}
+        return mass_keys(self._all_solids(shapes), mass) if self._solids else {}
+
+    def tell_center(self, thing, shapes):
+        """Notes a center of mass off the origin of a body: Blender has it there, whatever the shape."""
+        if thing.rigid_body.collision_shape in BOUNDED:
+            return
+        solid = joined(self._all_solids(shapes))
+        if np.linalg.norm(solid.center) > OFF_CENTER * np.cbrt(solid.volume):
+            self.findings.add(CHANGED, "object", CENTER, thing.name_full)
+
+    def _all_solids(self, shapes):
+        """Returns the solids of the body at hand, of meshes with pieces once."""
         others = [shape for shape in shapes if not any(shape is piece for piece in self._pieces)]
-        return mass_keys([*self._solids, *map(solid_of, others)], mass)
+        return [*self._solids, *map(solid_of, others)]
 
     def instance(self, thing, matrix):
         """Returns the shapes of an instance of a passive object."""

@@ -7,6 +7,7 @@ import time
 import bpy
 import numpy as np
 from drystone import applying
+from drystone.shapes import CENTER
 
 from .common import (DOWN, PLACE, TURN, UP, add, bake, block, constrain, cube, differences, empty, export, full_bake,
                      in_blender, lines, stage)
@@ -56,7 +57,8 @@ def test_shapes(command, folder):
     scene = all_shapes()
     file = folder / "shapes.json"
     said = lines(export(file))
-    assert said == ["2 flat passive objects: solid below, so that nothing falls through: 'ground', 'table'"], said
+    assert said == ["2 flat passive objects: solid below, so that nothing falls through: 'ground', 'table'",
+                    f"2 objects{CENTER}: 'monkey', 'hammer'"], said
     document, numbers = bake(command, file, folder / "a.npz", folder / "a.poses")
     by_name = {body["name"]: body for body in document["bodies"]}
     assert len(by_name) == 15 and len(by_name["hammer"]["shapes"]) == 2, sorted(by_name)
@@ -232,6 +234,24 @@ def test_sources_as_in_blender(program, folder):
             height = crate.matrix_world.translation.z
             assert abs(height - blender) < 0.01, (source, kinds, height, blender)
             assert all(modifier.show_viewport for modifier in crate.modifiers)
+
+
+def test_center_of_mass(program, folder):
+    """A body has the center of its volume, in Blender its origin, which holds it on an edge; this is told."""
+    for shape in ("CONVEX_HULL", "MESH", "COMPOUND"):
+        scene = empty(last=48)
+        add(cube(2, (0, 0, -1)), "PASSIVE", "BOX", "post")
+        plank = add(cube(1, (0, 0, 0.5)), "ACTIVE", shape, "plank")
+        part = add(cube(1, (0, 0, 0.5)), "ACTIVE", "CONVEX_HULL", "part") if shape == "COMPOUND" else plank
+        for vertex in part.data.vertices:
+            vertex.co.x = 3 * vertex.co.x + 1.4
+        if part != plank:
+            part.parent, part.matrix_parent_inverse = plank, plank.matrix_world.inverted()
+        scene.frame_set(1)
+        assert in_blender()[-1, 0, 2, 3] > 0.4, shape
+        run, _, poses = full_bake(program, folder)
+        assert lines(run.shot) == [f"1 object{CENTER}: 'plank'"], lines(run.shot)
+        assert poses[-1, -1, 1] < 0 or poses[-1, -1, 3:].min() < -0.1, (shape, poses[-1])
 
 
 SHAPED = ("BOX", "SPHERE", "CYLINDER", "CAPSULE", "CONE")

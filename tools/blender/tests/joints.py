@@ -5,6 +5,7 @@ import math
 
 import bpy
 import numpy as np
+from drystone.shapes import CENTER
 
 from .common import (ANGULAR, DOWN, LINEAR, add, axes, bake, block, constrain, cube, export, full_bake,
                      in_blender, in_drystone, limits, lines, locked, stage)
@@ -242,6 +243,7 @@ def test_as_documents(command, folder):
     child, crate = odd_constraints()
     notes = lines(export(folder / "joints.json"))
     assert notes == [
+        f"1 object{CENTER}: 'hammer'",
         "1 constraint of an object that is no body of the bake: left out: 'bodiless'",
         "1 constraint without an object: left out: 'empty'",
         "1 constraint of one body with itself: left out: 'within'",

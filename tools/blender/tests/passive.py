@@ -277,15 +277,16 @@ def swinging(source="DEFORM", use_deform=True):
 
 def test_skins(program, folder):
     """An armature moves a passive mesh as in Blender with the sources Base and Deform; the source Final is told."""
-    final = "1 deforming object with modifiers and the source Final: followed, in Blender with the source Deform " \
-            "alone: 'arm'"
+    final = "1 deforming object with modifiers and the source Final: followed, in Blender for certain only with " \
+            "Deform: 'arm'"
     for source in ("BASE", "DEFORM", "FINAL"):
         scene = swinging(source)
         blender = in_blender()[-1, 0, 0, 3]
         scene.frame_set(1)
         run, _, poses = full_bake(program, folder)
         ball = [body["name"] for body in run.shot.document["bodies"]].index("ball")
-        assert poses[-1, ball, 0] < -1.5 and (blender < -1.5) == (source != "FINAL"), (source, poses[-1, ball], blender)
+        # With Final, Blender follows in some runs of a process.
+        assert poses[-1, ball, 0] < -1.5 and (blender < -1.5 or source == "FINAL"), (source, poses[-1, ball], blender)
         assert lines(run.shot) == ([final] if source == "FINAL" else []), lines(run.shot)
 
 
