@@ -188,7 +188,9 @@ class ShapeExporter:
         evaluated = thing.evaluated_get(self.depsgraph)
         if thing.type == "MESH" and thing.rigid_body.collision_shape in BOUNDED:
             # A last subdivision shrinks the mesh, and leaves Blender's box as it is.
-            corners = np.array(evaluated.bound_box) if evaluated.data.vertices else np.zeros((0, 3))
+            # In Edit Mode, vertices are elsewhere until a mesh is made of them.
+            vertices = evaluated.to_mesh().vertices if thing.data.is_editmode else evaluated.data.vertices
+            corners = np.array(evaluated.bound_box) if vertices else np.zeros((0, 3))
             return corners, np.zeros((0, 3), np.int32)
         try:
             mesh = (thing if source_of(thing) == "BASE" else evaluated).to_mesh()

@@ -236,6 +236,25 @@ def test_sources_as_in_blender(program, folder):
             assert all(modifier.show_viewport for modifier in crate.modifiers)
 
 
+def test_edit_mode(program, folder):
+    """Objects in Edit Mode are baked as they are shown there, and stay in it."""
+    for shape in ("BOX", "CONVEX_HULL", "MESH"):
+        scene = empty(last=48)
+        add(cube(20, (0, 0, -10)), "PASSIVE", "BOX", "floor")
+        crate, other = (add(cube(1, (x, 0, 2)), "ACTIVE", shape, name) for x, name in ((0, "crate"), (5, "other")))
+        other.data = crate.data
+        bpy.context.view_layer.objects.active = crate
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.select_all(action="SELECT")
+        bpy.ops.transform.resize(value=(1, 1, 2))
+        run, _, _ = full_bake(program, folder)
+        assert lines(run.shot) == [] and crate.mode == "EDIT", lines(run.shot)
+        scene.frame_set(48)
+        heights = [thing.matrix_world.translation.z for thing in (crate, other)]
+        assert np.allclose(heights, 1, atol=1e-2), (shape, heights)
+        bpy.ops.object.mode_set(mode="OBJECT")
+
+
 def test_center_of_mass(program, folder):
     """A body has the center of its volume, in Blender its origin, which holds it on an edge; this is told."""
     for shape in ("CONVEX_HULL", "MESH", "COMPOUND"):
