@@ -11,7 +11,7 @@ import bpy
 from . import binary, contacts
 from .applying import WAITING, Keys, at_frames, frames_in, read_bake
 from .cache import baked_scene, journal_of, recording_of, remember, whole_of
-from .exporting import export, unselected
+from .exporting import Wishes, export, unselected
 from .findings import CHANGED, LEFT_OUT, counted
 from .locks import is_lock, of_constraints
 from .space import scene_with
@@ -40,6 +40,11 @@ class Options:
     only_selected: bool = False
     # Points of contacts come with the keys.
     contacts: bool = False
+    broken_pass: bool = False
+
+    @property
+    def wishes(self):
+        return Wishes(self.substeps, self.broken_pass)
 
     def arguments(self):
         arguments = ["--realtime"] if self.is_preview else []
@@ -183,7 +188,7 @@ class Check(Work):
         self.scene_file = self.whole.with_suffix(".from.json" if start else ".json")
         self.kept = unselected(context) if options.only_selected else frozenset()
         self.abilities = binary.abilities(self.program)
-        self.shot = export(context, self.abilities, options.substeps, self.kept, start)
+        self.shot = export(context, self.abilities, options.wishes, self.kept, start)
 
     def progress_text(self):
         return "checks the scene"

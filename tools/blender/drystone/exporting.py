@@ -63,6 +63,16 @@ class Abilities:
     instances: bool = False
 
 
+@dataclass(frozen=True)
+class Wishes:
+    """Settings of the user that change a scene."""
+
+    # 0: as many as the scene needs.
+    substeps: int = 0
+    # Objects of a broken constraint with Disable Collisions never collide, as in Blender.
+    broken_pass: bool = False
+
+
 @dataclass
 class Export:
     """A scene of Drystone, and what applies its bake to the scene of Blender."""
@@ -136,11 +146,11 @@ def channels_of(scene):
 class Exporter:
     """Makes a scene of Drystone of the rigid bodies of a scene of Blender, which is shown still."""
 
-    def __init__(self, context, abilities, substeps, inside, instances, kept, findings):
+    def __init__(self, context, abilities, wishes, inside, instances, kept, findings):
         self.scene = context.scene
         self.kept = kept
         self.abilities = abilities
-        self.substeps = substeps
+        self.wishes = wishes
         self.findings = findings
         self.shapes = ShapeExporter(context.evaluated_depsgraph_get(), findings, inside)
         self.things = [thing for thing in bodies_of(inside) if self.is_sound(thing)]
@@ -197,7 +207,7 @@ class Exporter:
             why = [found.sentence() for found in self.findings if found.kind == LEFT_OUT]
             raise ValueError("; ".join(["no object has a rigid body that Drystone can bake", *why]))
         motions = {body["name"]: body["motion"] for body in bodies}
-        joints = JointExporter(self.scene, motions, self.findings).joints
+        joints = JointExporter(self.scene, motions, self.wishes.broken_pass, self.findings).joints
         moving = [thing for thing in self.things if motions.get(thing.name_full) == "dynamic"]
         locks = {thing.name_full: locks_of(thing) for thing in moving if locks_of(thing)}
         document = self.world() | {"bodies": bodies} | ({"joints": joints} if joints else {})
@@ -228,7 +238,7 @@ class Exporter:
             "gravity": gravity_of(scene),
             "time_step": step,
             "steps": scene.frame_end - first_frame(scene),
-            "solver": {"substeps": self.substeps or max(8, math.ceil(step / SUBSTEP - 1e-9))},
+            "solver": {"substeps": self.wishes.substeps or max(8, math.ceil(step / SUBSTEP - 1e-9))},
             "extras": {"frame_start": first_frame(scene)},
         } | (self.course.track(step) if self.course else {})
 
@@ -354,7 +364,7 @@ def unselected(context):
     return frozenset(thing.name_full for thing in things if thing not in selected)
 
 
-def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=None):
+def export(context, abilities=Abilities(), wishes=Wishes(), kept=frozenset(), start=None):
     """Returns a scene as Drystone has it. The objects to be kept follow their keys.
 
     With a start, the scene begins inside of a bake.
@@ -379,7 +389,7 @@ def export(context, abilities=Abilities(), substeps=0, kept=frozenset(), start=N
         with with_values(left, "show_viewport", False):
             if left:
                 scene.frame_set(first_frame(scene))
-            exporter = Exporter(context, abilities, substeps, inside, instances, kept, findings)
+            exporter = Exporter(context, abilities, wishes, inside, instances, kept, findings)
             shot = exporter.export()
             survey(scene, inside, findings, exporter.sampling, exporter.deforming.names)
     for name in baked_elsewhere(scene, shot.channels):

@@ -7,6 +7,7 @@ from mathutils import Matrix
 
 from .curves import animates
 from .findings import CHANGED, LEFT_OUT
+from .instances import unique
 from .space import body_of, frames_per_second, objects_of, pose_of, rigid
 
 # Largest finite load that Drystone takes. [N, or N m]
@@ -168,22 +169,31 @@ JOINTS = {
 }
 
 
-BREAKS = "that may break, with Disable Collisions: once broken, the objects collide, in Blender they never do"
+BREAKS = ("that may break, with Disable Collisions: once broken, the objects collide, in Blender they never do "
+          "(Settings: Broken Pairs Pass)")
 # A joint that acts, as one that keeps collisions off must, and that bounds nothing.
 FREE = {"type": "general", "x": {"limits": ["-inf", "inf"]}}
 
 
 class JointExporter:
-    """Makes joints of the constraints of a scene whose bodies have these motions, at its first frame."""
+    """Makes joints of the constraints of a scene whose bodies have these motions, at its first frame.
 
-    def __init__(self, scene, motions, findings):
+    If broken pairs pass, constraints that break have a second joint, which keeps collisions off for good.
+    """
+
+    def __init__(self, scene, motions, broken_pass, findings):
         self.scene = scene
         self.motions = motions
+        self.broken_pass = broken_pass
         self.findings = findings
         world = scene.rigidbody_world
         self.simulated = set(world.constraints.all_objects) if world and world.constraints else set()
         things = [thing for thing in objects_of(scene).values() if thing.rigid_body_constraint]
         self.joints = [self.joint(thing) for thing in things if not self.is_left_out(thing)]
+        if broken_pass:
+            names = {joint["name"] for joint in self.joints}
+            self.joints += [self.filter_of(joint, names) for joint in self.joints
+                            if "breaking" in joint and not joint["collide"]]
 
     def ends(self, thing):
         """Returns the objects of the bodies that a constraint joins, or None."""
@@ -230,6 +240,12 @@ class JointExporter:
             joint["breaking"] = {"force": most, "torque": most}
         return joint
 
+    @staticmethod
+    def filter_of(joint, names):
+        """Returns a joint that never breaks, and does nothing but to keep collisions off; `names` has all others."""
+        kept = {key: joint[key] for key in ("bodies", "frames", "collide", "enabled")}
+        return {"name": unique(f"{joint['name']}: no collisions", names), **kept, **FREE}
+
     def steps_per_second(self):
         """Returns the number of Bullet's steps in a second; its loads are impulses in a step."""
         world = self.scene.rigidbody_world
@@ -247,7 +263,7 @@ class JointExporter:
         def changed(text):
             self.findings.add(CHANGED, "constraint", f" {text}", thing.name_full)
 
-        if of.use_breaking and of.enabled and of.disable_collisions:
+        if of.use_breaking and of.enabled and of.disable_collisions and not self.broken_pass:
             changed(BREAKS)
         if of.use_override_solver_iterations:
             changed("with a number of iterations: it has no meaning")

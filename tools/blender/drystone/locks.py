@@ -10,6 +10,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from .findings import CHANGED, counted
 from .instances import unique
+from .joints import FREE
 from .masses import mass_keys, solid_of
 from .space import turned
 
@@ -33,6 +34,11 @@ def is_lock(joint):
     return len(joint["bodies"]) == 1
 
 
+def is_filter(joint):
+    """Tells whether a joint does nothing but to keep collisions off for another one, which may break."""
+    return "breaking" not in joint and FREE.items() <= joint.items()
+
+
 def add_locks(document, locks, findings):
     """Adds locks to the dynamic bodies of a scene; `locks` has the locked axes by name."""
     joints = document.get("joints", [])
@@ -54,8 +60,8 @@ def add_locks(document, locks, findings):
 
 
 def of_constraints(lines, joints):
-    """Returns the lines of a summary of a bake without its locks, so that constraints alone are joints."""
-    names = [joint["name"] for joint in joints if is_lock(joint)]
+    """Returns the lines of a summary of a bake without its locks, so that constraints that join alone are joints."""
+    names = [joint["name"] for joint in joints if is_lock(joint) or is_filter(joint)]
     others = counted(len(joints) - len(names), "joint")
     found = []
     for line in lines:

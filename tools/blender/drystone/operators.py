@@ -260,7 +260,7 @@ class Export(Operator, ExportHelper):
     def execute(self, context):
         settings = context.scene.drystone
         try:
-            shot = export(context, self._abilities(context), settings.substeps)
+            shot = export(context, self._abilities(context), settings.options().wishes)
             shot.write(bpy.path.abspath(self.filepath))
         except (OSError, ValueError) as error:
             self.report({"ERROR"}, sentence_of(error))

@@ -101,6 +101,7 @@ class More(ScenePanel, Panel):
         layout.use_property_split = True
         layout.prop(settings, "only_selected")
         layout.prop(settings, "contacts")
+        layout.prop(settings, "broken_pass")
         layout.prop(settings, "substeps")
         layout.prop(settings, "tolerance")
         layout.prop(settings, "cache")

@@ -52,6 +52,10 @@ class Settings(PropertyGroup):
     contacts: BoolProperty(
         name="Contacts",
         description="Make the object Drystone Contacts: points of the contacts of each frame, for dust and sound")
+    broken_pass: BoolProperty(
+        name="Broken Pairs Pass",
+        description="As in Blender, objects of a broken constraint with Disable Collisions never collide. Each such "
+                    "constraint takes up to twice the time")
     substeps: IntProperty(name="Substeps", min=0, max=1000,
                           description="Substeps per frame; 0: as many as the scene needs")
     tolerance: FloatProperty(name="Tolerance", min=0, soft_max=100, unit="NONE", precision=3,
@@ -65,7 +69,7 @@ class Settings(PropertyGroup):
 
     def options(self):
         return Options(self.quality == "PREVIEW", self.substeps, self.tolerance, self.only_selected,
-                       self.contacts)
+                       self.contacts, self.broken_pass)
 
     def show(self, findings):
         """Keeps findings for the panel."""

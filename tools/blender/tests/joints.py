@@ -5,6 +5,7 @@ import math
 
 import bpy
 import numpy as np
+from drystone import baking
 from drystone.shapes import CENTER
 
 from .common import (ANGULAR, DOWN, LINEAR, add, axes, bake, block, constrain, cube, export, full_bake,
@@ -191,7 +192,7 @@ def test_break(command, folder):
 def test_collisions_without_a_constraint(command, folder):
     """Disable Collisions holds for a disabled constraint, as in Blender; once it breaks, its objects collide."""
     said = ["1 constraint that may break, with Disable Collisions: once broken, the objects collide, in Blender they "
-            "never do: 'joint'"]
+            "never do (Settings: Broken Pairs Pass): 'joint'"]
     for enabled, separated, breaks in ((False, True, False), (False, False, False), (True, True, True)):
         stage(DOWN, 25)
         add(cube(1, (0, 0, -0.5)), "PASSIVE", "BOX", "floor").scale = (60, 60, 1)
@@ -200,6 +201,27 @@ def test_collisions_without_a_constraint(command, folder):
                   breaking_threshold=1e-4)
         shown, baked = in_blender()[-1, 1, 2, 3], in_drystone(command, folder, said if breaks else ())[-1, 1, 2, 3]
         assert (shown < 1.4) == separated and (baked < 1.4) == (separated and not breaks), (enabled, shown, baked)
+
+
+def test_broken_pairs_pass(program, folder):
+    """With the setting, objects of a broken constraint never collide, as in Blender, also from a frame on."""
+    scene = stage(DOWN, 25)
+    add(cube(1, (0, 0, -0.5)), "PASSIVE", "BOX", "floor").scale = (60, 60, 1)
+    lower, upper = block("lower", (0, 0, 0.5)), block("upper", (0, 0, 2))
+    constrain("FIXED", lower, upper, use_breaking=True, breaking_threshold=1e-4)
+    shown = in_blender()[:, 1, 2, 3]
+    options = baking.Options(broken_pass=True)
+    run, document, poses = full_bake(program, folder, options)
+    upper = [body["name"] for body in document["bodies"]].index("upper")
+    assert shown[-1] < 0.6 and np.abs(poses[:, upper, 1] - shown).max() < 0.1, (poses[:, upper, 1], shown)
+    assert lines(run.shot) == [] and any("broke: 'joint'" in line for line in run.said), run.said
+    assert not any("2 joints" in line or "no collisions" in line for line in run.said), run.said
+    scene.frame_set(12)
+    again = baking.Bake(bpy.context, program, options, folder, from_here=True)
+    again.finish()
+    scene.frame_set(25)
+    assert abs(bpy.data.objects["upper"].matrix_world.translation.z - poses[-1, upper, 1]) < 1e-2
+    assert [joint["enabled"] for joint in again.shot.document["joints"]] == [False, True]
 
 
 def odd_constraints():
