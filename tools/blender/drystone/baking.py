@@ -14,6 +14,7 @@ from .cache import baked_scene, journal_of, recording_of, remember, whole_of
 from .exporting import Wishes, export, unselected
 from .findings import CHANGED, LEFT_OUT, counted
 from .locks import is_lock, of_constraints
+from .owners import own_bake
 from .space import scene_with
 from .start import Start
 
@@ -302,7 +303,8 @@ class Bake(Check):
 
     def _keep(self, baked):
         """Keeps the recording of the whole bake, shows its contacts, and removes other files."""
-        if self.keys.frames:
+        # A bake that moves nothing, as without a selection, leaves no trace.
+        if self.keys.frames and own_bake(self.scene):
             is_whole = self.start.merge(baked, self.whole) if self.start and baked else baked == self.output
             remember(self.scene, self.whole if is_whole else None)
             self._keep_scene(is_whole)

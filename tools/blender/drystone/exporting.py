@@ -21,7 +21,7 @@ from .moves import show_moves, take_moves
 from .originals import take_edits
 from .owners import baked_elsewhere
 from .overrides import take_states
-from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, still, with_values
+from .sampling import Sampling, followers, has_reason, may_move, moved_by, refers, settle, still, with_values
 from .shapes import ShapeExporter, source_of
 from .space import (body_of, compound_of, first_frame, has_mass, is_baked, is_held, is_linked, is_sound, objects_of,
                     parts_of, pose_of, refuse_stretching, simulated, time_step, turned, world_of)
@@ -166,6 +166,7 @@ class Exporter:
         others = {*winds, *(each.above for each in instances)} - set(self.things)
         self.sampling = sampled(self.scene, self.things, kept, others, looks)
         self.follow()
+        settle()
         self.winds = Winds(self.scene, winds, abilities.force, self.sampling, findings)
 
     def follow(self):

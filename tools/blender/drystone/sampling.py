@@ -17,6 +17,8 @@ STILL = 1e-6
 SAME_SIZE = 1e-4
 # Objects that should not move are looked at between so many parts of a scene.
 PARTS = 8
+# Most evaluations of a scene until its objects have settled.
+PASSES = 5
 # Distance and turn of displaced objects. [m], [rad]
 AWAY, TURN = (1.0, 1.1, 1.2), (0.5, 0.6, 0.7)
 # Largest change of the frame of an object that does not follow these. [m, or 1]
@@ -149,20 +151,28 @@ def followers(movers, things):
     """
     things, moving = [thing for thing in things if has_reason(thing)], set(movers)
 
-    def settle():
-        # Blender's order has cycles between bodies and winds below them, which an update alone leaves late.
-        for thing in things:
-            thing.update_tag(refresh={"OBJECT"})
-        bpy.context.view_layer.update()
-
     def frames():
-        settle()
         return {thing.name_full: np.array(thing.matrix_world @ thing.matrix_basis.inverted_safe()
                                           if thing in moving else thing.matrix_world) for thing in things}
 
-    following = moved_by(movers, frames) if things else set()
-    settle()
-    return following
+    return moved_by(movers, frames) if things else set()
+
+
+def settle():
+    """Evaluates all objects until none moves any more.
+
+    Blender's order has cycles, as between bodies and winds below them, and breaks these by chance. So an update
+    alone leaves some objects where they were.
+    """
+    things, before = list(bpy.context.scene.objects), None
+    for _ in range(PASSES):
+        for thing in things:
+            thing.update_tag(refresh={"OBJECT"})
+        bpy.context.view_layer.update()
+        now = [thing.matrix_world.copy() for thing in things]
+        if now == before:
+            return
+        before = now
 
 
 def moved_by(movers, look):
@@ -170,11 +180,12 @@ def moved_by(movers, look):
     if not movers:
         return set()
     with with_values([of for thing in movers for of in thing.constraints], "enabled", False):
-        bpy.context.view_layer.update()
+        settle()
         before = look()
         with displaced(movers):
+            settle()
             after = look()
-    bpy.context.view_layer.update()
+    settle()
     return {name for name in before.keys() | after.keys() if _differ(before.get(name), after.get(name))}
 
 

@@ -430,6 +430,21 @@ def test_instances_and_winds_following_a_body(program, folder):
     assert "1 wind following a body that the simulation moves: as at the first frame: 'wind'" in said, said
 
 
+def test_winds_below_bodies(_program, _folder):
+    """A wind below a body, also a hidden one, blows in its direction of the first frame in every export."""
+    for is_hidden in (False, True):
+        scene = stage(DOWN, 12)
+        things = [block(f"crate {i}", (3 * i, 0, 5)) for i in range(4)]
+        in_collection("posts", block("post", (0, 9, 0), "PASSIVE"))
+        instancer("posts", bpy.data.collections["posts"])
+        bpy.ops.object.effector_add(type="WIND", location=(20, 0, 0))
+        bpy.context.object.parent, things[1].hide_viewport = things[1], is_hidden
+        for frame in range(1, 9):
+            scene.frame_set(frame)
+            force = body_of(exported(exporting.Abilities(force=True)), "crate 0")["force"]
+            assert np.allclose(force, (0, 1 / 24, 0), atol=1e-6), (is_hidden, frame, force)
+
+
 def test_hidden_instancers(_program, _folder):
     """Instancers whose instances a view layer does not show are named, unless they show no bodies."""
     def parented(above, below):

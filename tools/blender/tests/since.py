@@ -158,6 +158,21 @@ def test_shared_by_two_scenes(program, folder):
     in_panel(program, work)
 
 
+def test_nothing_selected(program, folder):
+    """A bake of nothing leaves nothing in the scene that Delete Bake could not remove."""
+    def work():
+        scene = empty(last=6)
+        crate = block("crate", (0, 0, 3))
+        scene.drystone.cache, scene.drystone.only_selected = str(folder), True
+        crate.select_set(False)
+        before = sorted(scene.keys())
+        bpy.ops.drystone.bake()
+        assert scene.drystone.said.startswith("0 bodies baked") and not bpy.ops.drystone.delete_bake.poll()
+        assert sorted(scene.keys()) == before, sorted(scene.keys())
+
+    in_panel(program, work)
+
+
 def test_subframe(program, folder):
     """The time within a frame stays through a check, a bake, one from there, and a deleted one."""
     def work():
