@@ -333,6 +333,7 @@ def test_parts_outside_of_the_world(program, folder):
     heights = [thing.matrix_world.translation.z for thing in things]
     assert np.abs(np.array(heights) - shown).max() < 0.02, (heights, shown)
     assert lines(run.shot) == [
+        f"1 object{CENTER}: 'nested'",
         "2 objects outside of the rigid body world's collection: left out: 'outer', 'below'",
         "1 object of a compound that is no body of the bake: left out: 'lowest'"], lines(run.shot)
 
