@@ -35,6 +35,9 @@ class Course:
             refuse_speed(self.scene, speed)
         self._noted.append((speed, gravity_of(self.scene)))
 
+    def changes_gravity(self):
+        return any(gravity != self._noted[0][1] for _, gravity in self._noted)
+
     def track(self, step):
         """Returns the key with speed and gravity at each frame; none if they stay as the scene has them."""
         if all(speed == 1 and gravity == self._noted[0][1] for speed, gravity in self._noted):

@@ -41,6 +41,9 @@ FOLLOWING, AS_AT_FIRST = "following a body that the simulation moves", "still, a
 LINKED = " linked from another file: no keys, unless overridden or made local"
 OVERRIDDEN = " overridden, but not editable, or with drivers or NLA tracks: no keys, unless made local"
 ELSEWHERE = " baked in another scene: without that bake once it is baked here"
+IN_WIND = " released in a wind: pushed from then on, in Blender also by the wind of the frames before"
+DEACTIVATED = " with Deactivation that Dynamic stops: free at the release, in Blender asleep until something hits it"
+WOKEN = " with Start Deactivated and keys of gravity: wakes as gravity changes, in Blender once something hits it"
 VERTICES, BESIDES = " with vertices that follow an active body", "without that part of their motion"
 
 
@@ -335,12 +338,18 @@ class Exporter:
             "linear_damping": min(decay(of.linear_damping) + drag / of.mass, STRONGEST),
             "angular_damping": decay(of.angular_damping),
         }
+        if is_held(thing) and (force.length > 0 or drag > 0):
+            self.findings.add(CHANGED, "object", IN_WIND, thing.name_full)
         if force.length > 0:
             # Blender wakes the bodies that a wind pushes.
             body["force"] = turned(force)
+        elif of.use_deactivation and self.sampling.is_stopped_at_release(thing.name_full):
+            self.findings.add(CHANGED, "object", DEACTIVATED, thing.name_full)
         elif of.use_deactivation and of.use_start_deactivated and not is_held(thing):
             if self.abilities.start_asleep:
                 body["start_asleep"] = True
+                if self.course and self.course.changes_gravity():
+                    self.findings.add(CHANGED, "object", WOKEN, thing.name_full)
             else:
                 self.findings.add(LEFT_OUT, "object",
                                   " with Start Deactivated: not known to this version of drystone", thing.name_full)

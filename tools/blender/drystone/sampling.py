@@ -239,6 +239,10 @@ class Sampling:
         """Tells whether an object follows its keys at first, and is free later."""
         return name in self.freed and bool(self.tracks[name])
 
+    def is_stopped_at_release(self, name):
+        """Tells whether an object is stopped at the frame before its release."""
+        return self.is_released(name) and self._stops[name][-1]
+
     def is_stopped_in_flight(self, name):
         """Tells whether an object is stopped before its release, after it moved by keys."""
         stops, track = self._stops.get(name), self.tracks.get(name)

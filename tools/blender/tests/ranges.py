@@ -6,6 +6,7 @@ import bpy
 import numpy as np
 from drystone import applying
 from drystone.curves import curves_of
+from drystone.exporting import WOKEN
 
 from .common import block, differences, empty, full_bake, in_blender, lines
 from .here import from_here
@@ -93,6 +94,21 @@ def test_simulation_ends_early(program, folder):
     assert len(poses) == 40 and heights(crate, 40)[0] < blender[-1] - 0.1
     assert lines(run.shot) == ["1 scene whose simulation ends at frame 12: baked to frame 40, in Blender still from "
                                "there: 'Scene'"], lines(run.shot)
+
+
+def test_sleepers_under_keyed_gravity(program, folder):
+    """A body that starts deactivated wakes as gravity changes, in Blender not; this is told."""
+    keys = {"gravity": {1: (0, 0, -9.81), 20: (0, 0, -5)}, "rigidbody_world.time_scale": {1: 1, 20: 0.5}}
+    for path, values in keys.items():
+        scene = empty(last=24)
+        block("asleep", (0, 0, 3), use_deactivation=True, use_start_deactivated=True)
+        key_world(scene, [(path, values)])
+        scene.frame_set(1)
+        assert np.ptp(in_blender()[:, 0, 2, 3]) == 0
+        run, _, poses = full_bake(program, folder)
+        is_woken = path == "gravity"
+        assert lines(run.shot) == ([f"1 object{WOKEN}: 'asleep'"] if is_woken else []), lines(run.shot)
+        assert (poses[-1, 0, 1] < 2) == is_woken, poses[-1]
 
 
 def test_disabled_world(program, folder):

@@ -107,6 +107,33 @@ def test_stops_otherwise_than_in_blender(_program, _folder):
         "'early'"], lines(shot)
 
 
+def test_releases_otherwise_than_in_blender(program, folder):
+    """Blender lets bodies sleep that Dynamic stops, and gives them the wind of the frames before their release."""
+    def wind():
+        bpy.ops.object.effector_add(type="WIND", rotation=(0, np.pi / 2, 0))
+        bpy.context.object.field.strength, bpy.context.object.field.flow = 50, 0
+
+    told = {"stopped": exporting.DEACTIVATED, "blown": exporting.IN_WIND}
+    for name, text in told.items():
+        scene = stage(DOWN, 25)
+        if name == "blown":
+            wind()
+            switched(block(name, (0, 0, 2), kinematic=True), "kinematic", ((1, True), (FREE, False)))
+        else:
+            switched(block(name, (0, 0, 2), use_deactivation=True), "enabled", ((1, False), (FREE, True)))
+        shown = in_blender()[-1, 0, :3, 3]
+        run, _, poses = full_bake(program, folder)
+        assert lines(run.shot) == [f"1 object{text}: '{name}'"], lines(run.shot)
+        place = poses[-1, 0, :3] @ UP.T
+        assert place[2] < 1 and (shown[2] == 2 if name == "stopped" else shown[0] > place[0] + 0.2), (shown, place)
+        for thing in scene.objects:
+            if thing.name == "Wind":
+                thing.field.strength = 0
+            else:
+                thing.rigid_body.use_deactivation = False
+        assert lines(exporting.export(bpy.context, ALL)) == []
+
+
 def test_one_animated_among_a_thousand(_program, folder):
     """An export evaluates no simulation, so that it takes seconds with a thousand bodies."""
     scene = stage(DOWN, 240)
