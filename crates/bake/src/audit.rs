@@ -3,12 +3,14 @@
 //!
 //! A certificate bounds the error of the contacts that a step solved. It says nothing about
 //! contacts that were not found. The audit therefore uses shapes and poses only. It measures the
-//! penetration depth of shapes in sampled frames (GJK and EPA, evaluated in `f64`). It checks
+//! penetration depth of shapes in sampled frames (GJK and EPA in `f64`, between certified bounds). It checks
 //! whether the center of a convex shape passed through a surface between two frames. It finds
 //! bodies that ended below everything that could have carried them.
 
 mod passage;
+mod separation;
 mod shape;
+mod vector;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,7 +22,8 @@ use crate::recording::Recording;
 use crate::recording::pose::frame_pose;
 use drystone::StepSettings;
 use drystone_scene::{Joint, Motion, Scene, Shape, ShapeKind};
-use shape::{CoreShape, ShapePose, SupportShape, Vec3, dot, minus, norm, overlap};
+use shape::{CoreShape, ShapePose, SupportShape, overlap};
+use vector::{Vec3, dot, minus, norm};
 
 /// Maximum number of frames in which overlaps are measured.
 const FRAMES: usize = 64;

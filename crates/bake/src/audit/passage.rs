@@ -1,10 +1,8 @@
 //! Test whether the center of a shape passed through a surface between two frames.
 
-use parry3d::math::Vector;
-use parry3d::query::gjk::{CsoPoint, GJKResult, VoronoiSimplex, closest_points};
-use parry3d::shape::SupportMap;
-
-use super::shape::{AuditMesh, CoreShape, ShapePose, SupportShape, Vec3, cross, dot, loose, minus};
+use super::separation::ConvexSet;
+use super::shape::{AuditMesh, CoreShape, ShapePose, SupportShape, loose};
+use super::vector::{Vec3, cross, dot, minus, norm};
 
 /// Returns true if the path of a point ends on the other side of a surface or leads through a
 /// solid. Both ends are in the frame of the form, each at its own time.
@@ -55,30 +53,17 @@ fn crosses(mesh: &AuditMesh, triangle: u32, [from, to]: [Vec3; 2]) -> bool {
     first == passes(j, k) && first == passes(k, i)
 }
 
-/// Segment given by both ends.
-struct Segment([Vector; 2]);
-
-impl SupportMap for Segment {
-    fn local_support_point(&self, dir: Vector) -> Vector {
-        let [a, b] = self.0;
-        if a.dot(dir) > b.dot(dir) { a } else { b }
-    }
-}
-
 /// Returns true if a segment shares a point with a convex form.
 fn enters(form: &SupportShape, ends: [Vec3; 2]) -> bool {
-    let single = |p: Vec3| Vector::from(p.map(|x| x as f32));
-    let segment = Segment(ends.map(single));
-    let pose = parry3d::math::Pose::IDENTITY;
-    let solid = form.mapped();
-    let mut simplex = VoronoiSimplex::new();
-    let start = segment.0[0] + segment.0[1];
-    let start = if start.length_squared() > 0.0 { start } else { Vector::X };
-    simplex.reset(CsoPoint::from_shapes(&pose, &solid, &segment, start));
-    matches!(
-        closest_points(&pose, &solid, &segment, 0.0, false, &mut simplex),
-        GJKResult::Intersection
-    )
+    let [from, to] = ends;
+    let difference = ConvexSet {
+        farthest: |n| {
+            let end = if dot(from, n) < dot(to, n) { from } else { to };
+            minus(form.farthest(n), end)
+        },
+        size: form.reach + norm(from).max(norm(to)),
+    };
+    difference.bounds(&[], -form.radius).high + form.radius > 0.0
 }
 
 /// Converts both ends of a path to the frame of the obstacle, which may move between the two times.
