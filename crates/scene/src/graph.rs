@@ -35,6 +35,10 @@ pub(super) const NEAR: f64 = 1e-9;
 pub(super) const FAST: f64 = 1e9;
 /// Largest mass and moment of inertia. \[kg, kg m^2\]
 pub(super) const HEAVY: f64 = 1e18;
+/// Largest stiffness, damping, force and torque of joints, as in the own format. \[SI\]
+pub(super) const STRONG: f64 = 1e20;
+/// Numbers from here on mean infinity: FLT_MAX of single precision, rounded by any program.
+pub(super) const ENDLESS: f64 = 1e37;
 /// Smallest mass and moment of inertia. \[kg, kg m^2\]
 pub(super) const LIGHT: f64 = 1e-18;
 /// Largest accepted deviation of a quaternion's length from 1; exporters round.

@@ -16,6 +16,7 @@ mod joint_samples;
 mod motion_fuzz;
 mod relations;
 mod released;
+mod round_trips;
 mod samples;
 mod scene;
 mod settings;

@@ -6,6 +6,8 @@
 //!
 //! - gravity, time step and settings of the scene;
 //! - the density of a body, valid as long as nobody changes the mass written with it;
+//! - points of hulls and meshes that single precision rounds, valid as long as nobody moves them;
+//! - velocities and planes with the bits that a rotation there and back would round;
 //! - the geometric mean as a rule that combines friction or restitution;
 //! - the fact that a compound body is static;
 //! - damping, forces, the fact that a body starts asleep, surface velocities, and resistance to rolling and spinning;
@@ -204,7 +206,11 @@ impl Writer<'_> {
                 "extensions": {"KHR_physics_rigid_bodies": {"collider": collider}},
             });
             let own = rotation(shape.rotation);
-            let turn = if turn == math::NO_TURN { own } else { math::quat_mul(own, turn) };
+            if let ShapeKind::Halfspace { normal } = &shape.kind {
+                let plane = json!({ "normal": normal, "rotation": own });
+                child["extras"] = json!({ "drystone": { "plane": plane } });
+            }
+            let turn = math::quat_after(own, turn);
             place(&mut child, &shape.position, Rotation::Quaternion(turn));
             children.push(self.gltf.push("nodes", child));
         }
@@ -212,6 +218,9 @@ impl Writer<'_> {
         let mut own = Map::new();
         if body.motion != Motion::Static || physics.get("collider").is_none() {
             physics["motion"] = motion(body, mass, &mut own);
+        }
+        if let (Some(density), false) = (body.mass.density, body.motion == Motion::Dynamic) {
+            own.insert("density".to_owned(), json!(density));
         }
         if let Some(motion) = &body.surface_velocity {
             own.insert("surfaceVelocity".to_owned(), surface(motion));
@@ -291,7 +300,7 @@ impl Writer<'_> {
                 "{name} moves a half-space, and endless planes of a glTF stand still"
             ));
         }
-        let normal = <[f64; 3]>::try_from(normal.as_slice()).ok().and_then(math::unit);
+        let normal = <[f64; 3]>::try_from(normal.as_slice()).ok();
         let normal = normal.filter(|normal| *normal != [0.0, 1.0, 0.0]);
         Ok(normal.map_or(math::NO_TURN, math::from_up))
     }
@@ -300,8 +309,22 @@ impl Writer<'_> {
     fn mesh_geometry(&mut self, index: usize, kind: &ShapeKind) -> Result<Value, String> {
         let hull = matches!(kind, ShapeKind::ConvexHull { .. });
         let mut geometry = json!({ "mesh": self.mesh(index, kind)?, "convexHull": hull });
+        let mut own = Map::new();
         if let ShapeKind::Trimesh { decomposition: Some(options), .. } = kind {
-            geometry["extras"] = json!({ "drystone": { "decomposition": options } });
+            own.insert("decomposition".to_owned(), json!(options));
+        }
+        let points: Vec<&[f64]> = match kind {
+            ShapeKind::ConvexHull { points } => points.iter().map(Vec::as_slice).collect(),
+            ShapeKind::Trimesh { vertices, .. } => {
+                vertices.iter().map(<[f64; 3]>::as_slice).collect()
+            }
+            _ => Vec::new(),
+        };
+        if points.iter().copied().flatten().any(|x| f64::from(*x as f32) != *x) {
+            own.insert("points".to_owned(), json!(points));
+        }
+        if !own.is_empty() {
+            geometry["extras"] = json!({ "drystone": own });
         }
         Ok(geometry)
     }
@@ -389,16 +412,17 @@ fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
     // Zero stands for infinity.
     let finite = |x: f64| if x.is_finite() { x } else { 0.0 };
     let Motion::Dynamic = body.motion else {
-        set_velocities(&mut out, body);
+        set_velocities(&mut out, body, own);
         return out;
     };
     match body.mass.mass {
         Some(mass) => out["mass"] = json!(finite(mass)),
         None if mass.is_finite() && mass > 0.0 => {
             out["mass"] = json!(mass);
-            let density = body.mass.density.unwrap_or(1000.0);
-            own.insert("density".to_owned(), json!(density));
             own.insert("mass".to_owned(), json!(mass));
+            if let Some(density) = body.mass.density {
+                own.insert("density".to_owned(), json!(density));
+            }
         }
         None => {}
     }
@@ -427,21 +451,29 @@ fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
     if body.gravity_factor != 1.0 {
         out["gravityFactor"] = json!(body.gravity_factor);
     }
-    set_velocities(&mut out, body);
+    set_velocities(&mut out, body, own);
     out
 }
 
-/// Writes the velocities in the space of the node.
-fn set_velocities(out: &mut Value, body: &Body) {
-    let turn = math::conjugate(rotation(body.rotation));
+/// Writes the velocities in the space of the node. Those that would not come back with the same bits
+/// are added to `own`.
+fn set_velocities(out: &mut Value, body: &Body, own: &mut Map<String, Value>) {
+    let turn = rotation(body.rotation);
     for (key, velocity) in
         [("linearVelocity", &body.linear_velocity), ("angularVelocity", &body.angular_velocity)]
     {
         if let Ok(velocity) = <[f64; 3]>::try_from(velocity.as_slice())
             && velocity != [0.0; 3]
         {
-            let turned = turn != math::NO_TURN;
-            out[key] = json!(if turned { math::turn(turn, velocity) } else { velocity });
+            let stated = if turn == math::NO_TURN {
+                velocity
+            } else {
+                math::turn(math::conjugate(turn), velocity)
+            };
+            out[key] = json!(stated);
+            if math::turn(turn, stated) != velocity {
+                own.insert(key.to_owned(), json!(velocity));
+            }
         }
     }
 }

@@ -256,8 +256,8 @@ fn mass(prim: &mut PrimWriter, dimension: usize, mass: &Mass) {
 }
 
 fn velocity(prim: &mut PrimWriter, body: &Body) {
-    let angular = turning(&body.angular_velocity);
-    prim.set("vector3f physics:angularVelocity", tuple(&angular.map(degrees)));
+    let names = ["physics:angularVelocity", "drystone:angularVelocity"];
+    set_turning(prim, names, turning(&body.angular_velocity));
     prim.set("vector3f physics:velocity", tuple(&space(&body.linear_velocity)));
 }
 
@@ -272,18 +272,30 @@ fn turning(angular: &[f64]) -> [f64; 3] {
 /// Sets the surface velocity of a prim, in PhysX's schema.
 fn run(prim: &mut PrimWriter, motion: &SurfaceVelocity) {
     prim.schemas.push("PhysxSurfaceVelocityAPI");
-    let angular = turning(&motion.angular).map(degrees);
-    prim.set("vector3f physxSurfaceVelocity:surfaceAngularVelocity", tuple(&angular));
+    let names = ["physxSurfaceVelocity:surfaceAngularVelocity", "drystone:surfaceAngularVelocity"];
+    set_turning(prim, names, turning(&motion.angular));
     prim.set("vector3f physxSurfaceVelocity:surfaceVelocity", tuple(&space(&motion.linear)));
     prim.set("bool physxSurfaceVelocity:surfaceVelocityEnabled", 1);
     let local = i32::from(motion.local);
     prim.set("bool physxSurfaceVelocity:surfaceVelocityLocalSpace", local);
 }
 
-/// Converts an angle to degrees such that converting it back gives the same radians in single
-/// precision.
-fn degrees(angle: f64) -> f64 {
-    let near = angle.to_degrees();
-    let same = |degrees: &f64| degrees.to_radians() as f32 == angle as f32;
-    [near, near.next_up(), near.next_down()].into_iter().find(same).unwrap_or(near)
+/// Sets an angular velocity in degrees, and that in radians in an attribute of its own where the
+/// reader would round. \[rad/s\]
+fn set_turning(prim: &mut PrimWriter, [name, own]: [&str; 2], angular: [f64; 3]) {
+    let found = angular.map(|rate| inverse(rate, rate.to_degrees(), f64::to_radians));
+    prim.set(format!("vector3f {name}"), tuple(&found.map(|(written, _)| written)));
+    if !found.iter().all(|(_, exact)| *exact) {
+        prim.set(format!("custom double3 {own}"), tuple(&angular));
+    }
+}
+
+/// Returns a number near `guess` that `back` converts to `value`, if there is one, and whether there
+/// is. Of two numbers, the shorter one is taken.
+fn inverse(value: f64, guess: f64, back: fn(f64) -> f64) -> (f64, bool) {
+    let round = (guess * 1e9).round() / 1e9;
+    let found = [round, guess, guess.next_up(), guess.next_down()]
+        .into_iter()
+        .find(|written| back(*written) == value);
+    (found.unwrap_or(guess), found.is_some())
 }

@@ -5,7 +5,7 @@ use std::fmt::Display;
 
 use super::super::description::{Body, Motion, Rotation};
 use super::super::error::{SceneError, Warning};
-use super::super::graph::math::{self, Quat};
+use super::super::graph::math;
 use super::super::graph::transform::Affine;
 use super::super::graph::unique;
 use super::super::joint::{Joint, JointFrame};
@@ -136,7 +136,7 @@ impl JointReader<'_> {
             self.frame(top, end, shared.twist)
         };
         let [a, b] = bodies;
-        let frames = [frame(a, joint.connected)?, frame(b, joint.node)?];
+        let frames = [frame(a, joint.connected), frame(b, joint.node)];
         if shared.axes.is_empty() {
             self.warn(joint.node, "its joint does not act: it limits and drives nothing", warnings);
         }
@@ -205,18 +205,13 @@ impl JointReader<'_> {
 
     /// Returns the frame of a node in that of the body with the node `top`, or in the world. Its x
     /// axis is the axis `twist` of the node.
-    fn frame(
-        &self,
-        top: Option<usize>,
-        index: usize,
-        twist: usize,
-    ) -> Result<JointFrame, SceneError> {
+    fn frame(&self, top: Option<usize>, index: usize, twist: usize) -> JointFrame {
         let (mut place, mut turn) = (Affine::IDENTITY, math::NO_TURN);
         let mut next = Some(index).filter(|at| Some(*at) != top);
         // Composes local transforms only, so that values in the file come out unrounded.
         while let Some(node) = next.and_then(|at| self.nodes.get(at)) {
             place = node.matrix.after(&place);
-            turn = math::quat_mul(written_turn(node)?, turn);
+            turn = math::quat_after(node.local.rotation, turn);
             next = node.parent.filter(|at| Some(*at) != top);
         }
         // Cyclic exchanges of the axes: their quaternions are exact.
@@ -230,13 +225,6 @@ impl JointReader<'_> {
             None => place.shift,
         };
         let rotation = Rotation::Quaternion(math::quat_as_written(turn).unwrap_or(math::NO_TURN));
-        Ok(JointFrame { position: position.into(), rotation })
+        JointFrame { position: position.into(), rotation }
     }
-}
-
-/// Returns the rotation of a node; one of unit length is not rounded.
-fn written_turn(node: &Node<'_>) -> Result<Quat, SceneError> {
-    let written =
-        node.cursor.get("rotation")?.map(|cursor| cursor.numbers::<4>(2.0)).transpose()?;
-    Ok(written.and_then(math::quat_as_written).unwrap_or(node.local.rotation))
 }

@@ -81,8 +81,8 @@ pub(super) fn read<'a>(
         if let Some(node) = nodes.get_mut(index) {
             node.rigid &= rigid;
             node.world = world.after(&node.matrix);
-            node.turn =
-                math::quat_unit(math::quat_mul(turn, node.local.rotation)).unwrap_or(math::NO_TURN);
+            node.turn = math::quat_as_written(math::quat_after(turn, node.local.rotation))
+                .unwrap_or(math::NO_TURN);
             let numbers = node.world.linear.iter().flatten().chain(&node.world.shift);
             if !numbers.copied().all(|x| x.abs() <= FAR) {
                 return Err(node.cursor.fault(
@@ -225,11 +225,12 @@ fn transform(node: &Cursor<'_>, warnings: &mut Vec<Warning>) -> Result<(Trs, Aff
     Ok((Trs { translation: affine.shift, rotation, scale }, affine))
 }
 
-/// Reads a quaternion and normalizes it; its length must be 1 up to the rounding of exporters.
+/// Reads a quaternion and normalizes it, unless its length is 1 up to the rounding of `f64`. The
+/// length must be 1 up to the rounding of exporters.
 pub(super) fn unit_quaternion(cursor: &Cursor<'_>) -> Result<Quat, SceneError> {
     let q: Quat = cursor.numbers(FAR)?;
     let off = (math::quat_dot(q, q).sqrt() - 1.0).abs();
-    match math::quat_unit(q) {
+    match math::quat_as_written(q) {
         Some(unit) if off <= TURN_SLACK => Ok(unit),
         _ => Err(cursor.error("a quaternion x, y, z, w of length 1 is accepted")),
     }

@@ -3,14 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::description::{
-    Body, Filter, Mass, Material, Motion, Rotation, Shape, SurfaceVelocity, Track,
+    Body, Filter, Mass, Material, Motion, Rotation, Shape, ShapeKind, SurfaceVelocity, Track,
 };
 use super::super::error::{SceneError, Warning};
 use super::super::graph::implicit::{self, Implicit, Placed};
 use super::super::graph::math::{self, Quat, Vec3};
 use super::super::graph::transform::Affine;
 use super::super::graph::triangles::Triangles;
-use super::super::graph::{FAR, FAST, HEAVY, LIGHT, unique};
+use super::super::graph::{FAR, FAST, HEAVY, LIGHT, seen_from, unique};
 use super::animation::{self, Animation};
 use super::json::Cursor;
 use super::meshes::Meshes;
@@ -25,6 +25,8 @@ use crate::solid_mesh::DecompositionOptions;
 const MOST_GRAVITY: f64 = 1e6;
 /// Largest coordinate of a force. \[N\]
 const MOST_FORCE: f64 = 1e20;
+/// Largest difference of an exact value from that of the extension, relative to it. \[1\]
+const SLACK: f64 = 1e-6;
 /// Largest damping rate. \[1/s\]
 const STRONGEST: f64 = 1e6;
 
@@ -32,14 +34,35 @@ const STRONGEST: f64 = 1e6;
 struct NodeMotion {
     motion: Motion,
     mass: Mass,
-    linear: Vec3,
-    angular: Vec3,
+    linear: NodeVelocity,
+    angular: NodeVelocity,
     gravity: f64,
     /// Linear and angular damping rates. \[1/s\]
     damping: [f64; 2],
     /// Constant force. \[N\]
     force: Vec3,
     start_asleep: bool,
+}
+
+/// Velocity in the space of a node, and in that of the scene as the own format states it.
+struct NodeVelocity {
+    stated: Vec3,
+    exact: Option<Vec3>,
+}
+
+impl NodeVelocity {
+    /// Returns the velocity in the space of the scene, where the rotation of the node is `turn`.
+    /// The exact one counts unless somebody has changed the other, or the rotation.
+    fn in_scene(&self, turn: Quat) -> Vec3 {
+        if self.stated == [0.0; 3] {
+            return self.stated;
+        }
+        let same = |exact: &Vec3| {
+            let off = math::sub(math::turn(math::conjugate(turn), *exact), self.stated);
+            math::length(off) <= SLACK * math::length(self.stated)
+        };
+        self.exact.filter(same).unwrap_or_else(|| math::turn(turn, self.stated))
+    }
 }
 
 /// Source of a collider's geometry.
@@ -191,6 +214,7 @@ impl GltfBodies<'_> {
                 format!("coordinates up to {FAR:e} are accepted"),
             ));
         }
+        let own = node.cursor.own()?;
         let mut body = Body {
             name: node
                 .name
@@ -207,7 +231,7 @@ impl GltfBodies<'_> {
             angular_damping: 0.0,
             force: vec![0.0; 3],
             start_asleep: false,
-            surface_velocity: surface(node.cursor.own()?.as_ref())?,
+            surface_velocity: surface(own.as_ref())?,
             shapes,
             track,
         };
@@ -223,9 +247,14 @@ impl GltfBodies<'_> {
             body.force = moving.force.into();
             body.start_asleep = moving.start_asleep && motion == Motion::Dynamic;
             if !driven && motion != Motion::Static {
-                body.linear_velocity = math::turn(turn, moving.linear).into();
-                body.angular_velocity = math::turn(turn, moving.angular).into();
+                body.linear_velocity = moving.linear.in_scene(turn).into();
+                body.angular_velocity = moving.angular.in_scene(turn).into();
             }
+        }
+        if motion != Motion::Dynamic
+            && let Some(density) = own.map(|own| own.get("density")).transpose()?.flatten()
+        {
+            body.mass.density = Some(density.within(LIGHT, HEAVY)?);
         }
         let body_node = BodyNode {
             node: index,
@@ -284,11 +313,12 @@ impl GltfBodies<'_> {
         // Composes local transforms only, so that values in the file come out unrounded.
         while let Some(node) = self.nodes.get(at).filter(|_| at != top) {
             place = node.matrix.after(&place);
-            turn = math::quat_mul(node.local.rotation, turn);
+            turn = math::quat_after(node.local.rotation, turn);
             let Some(parent) = node.parent else { break };
             at = parent;
         }
-        (math::apply(body.scale(), place.shift), math::quat_unit(turn).unwrap_or(math::NO_TURN))
+        let turn = math::quat_as_written(turn).unwrap_or(math::NO_TURN);
+        (math::apply(body.scale(), place.shift), turn)
     }
 
     /// Returns the shape of a collider in the frame of its body; `None` if it does not act.
@@ -344,12 +374,15 @@ impl GltfBodies<'_> {
                 kind
             }
         };
-        Ok(kind.map(|kind| Shape {
+        let Some(mut kind) = kind else { return Ok(None) };
+        set_exact_points(&collider.at, &mut kind)?;
+        let (kind, own) = tilted(node, kind, turn)?;
+        Ok(Some(Shape {
             kind,
             position: position.into(),
-            rotation: Rotation::Quaternion(turn),
+            rotation: Rotation::Quaternion(own),
             material: collider.material.clone(),
-            surface_velocity: collider.runs.clone(),
+            surface_velocity: collider.runs.clone().map(|runs| seen_from(runs, turn, own)),
             filter: collider.filter,
         }))
     }
@@ -448,11 +481,12 @@ impl GltfBodies<'_> {
             mass.mass = Some(1.0);
         }
         if let Some(own) = own
-            && let (Some(density), Some(written)) = (own.get("density")?, own.get("mass")?)
+            && let Some(written) = own.get("mass")?
             && Some(written.number(HEAVY)?) == mass.mass
         {
             // The density applies only as long as nobody has changed the mass.
-            mass = Mass { density: Some(density.within(LIGHT, HEAVY)?), ..Mass::default() };
+            let density = own.get("density")?.map(|of| of.within(LIGHT, HEAVY)).transpose()?;
+            mass = Mass { density, ..Mass::default() };
         }
         if let Some(center) = motion.get("centerOfMass")? {
             mass.center = Some(center.numbers::<3>(FAR)?.into());
@@ -471,8 +505,10 @@ impl GltfBodies<'_> {
             let turn: Quat = nodes::unit_quaternion(&turn)?;
             mass.inertia_rotation = mass.inertia.is_some().then_some(turn);
         }
-        let velocity = |key: &str| -> Result<Vec3, SceneError> {
-            motion.get(key)?.map_or(Ok([0.0; 3]), |v| v.numbers(FAST))
+        let velocity = |key: &str| -> Result<NodeVelocity, SceneError> {
+            let stated = motion.get(key)?.map_or(Ok([0.0; 3]), |v| v.numbers(FAST))?;
+            let exact = own.map(|own| own.get(key)).transpose()?.flatten();
+            Ok(NodeVelocity { stated, exact: exact.map(|v| v.numbers(FAST)).transpose()? })
         };
         Ok(NodeMotion {
             motion: kind,
@@ -615,6 +651,51 @@ fn force(own: Option<&Cursor<'_>>) -> Result<Vec3, SceneError> {
 fn starts_asleep(own: Option<&Cursor<'_>>) -> Result<bool, SceneError> {
     let of = own.map(|own| own.get("startAsleep")).transpose()?.flatten();
     of.map_or(Ok(false), |of| of.boolean())
+}
+
+/// Restores the exact normal and rotation of a half-space exported from the own format, unless
+/// somebody turned it since.
+fn tilted(node: &Node<'_>, kind: ShapeKind, turn: Quat) -> Result<(ShapeKind, Quat), SceneError> {
+    let own = node.cursor.own()?;
+    let plane = own.as_ref().map(|own| own.get("plane")).transpose()?.flatten();
+    if let (ShapeKind::Halfspace { .. }, Some(plane)) = (&kind, plane) {
+        let normal: Vec3 = plane.require("normal")?.numbers(2.0)?;
+        let rotation: Quat = plane.require("rotation")?.numbers(2.0)?;
+        let stated = math::quat_mul(rotation, math::from_up(normal));
+        if stated.iter().zip(turn).all(|(a, b)| (a - b).abs() <= SLACK) {
+            return Ok((ShapeKind::Halfspace { normal: normal.into() }, rotation));
+        }
+    }
+    Ok((kind, turn))
+}
+
+/// Replaces the points of a hull or a mesh by those of the own format, unless somebody moved them.
+fn set_exact_points(geometry: &Cursor<'_>, kind: &mut ShapeKind) -> Result<(), SceneError> {
+    let own = geometry.own()?;
+    let Some(list) = own.as_ref().map(|own| own.get("points")).transpose()?.flatten() else {
+        return Ok(());
+    };
+    let exact: Vec<Vec3> =
+        list.items()?.iter().map(|point| point.numbers(FAR)).collect::<Result<_, _>>()?;
+    let same = |stated: &[f64], exact: &Vec3| {
+        stated.iter().zip(exact).all(|(a, b)| *a == f64::from(*b as f32))
+    };
+    match kind {
+        ShapeKind::ConvexHull { points }
+            if points.len() == exact.len()
+                && points.iter().zip(&exact).all(|(a, b)| same(a, b)) =>
+        {
+            *points = exact.into_iter().map(Vec::from).collect();
+        }
+        ShapeKind::Trimesh { vertices, .. }
+            if vertices.len() == exact.len()
+                && vertices.iter().zip(&exact).all(|(a, b)| same(a, b)) =>
+        {
+            *vertices = exact;
+        }
+        _ => {}
+    }
+    Ok(())
 }
 
 /// Reads the accuracy and number of convex pieces for a mesh from the extras of its geometry.

@@ -1,7 +1,7 @@
 //! Limits and drives that the joints of nodes share.
 
 use super::super::error::{SceneError, Warning};
-use super::super::graph::own_joint;
+use super::super::graph::{ENDLESS, STRONG, own_joint};
 use super::super::joint::{Breaking, Drive, Joint, JointAxis, Softness};
 use super::super::joint_limits::{AxisDrive, FAR, JointLimits, Limit, bounded};
 use super::json::Cursor;
@@ -9,9 +9,6 @@ use super::unknown::warn_unknown;
 
 /// Extension for joints beside `OMI_physics_body`.
 pub(super) const OMI: &str = "OMI_physics_joint";
-
-/// Largest stiffness, damping and force; beyond it, a force is unlimited.
-const STRONG: f64 = 1e20;
 
 /// Coordinates and loads of joints.
 pub(super) struct SharedJoint {
@@ -152,16 +149,26 @@ fn read_drive(
     let target = |key: &str| -> Result<f64, SceneError> {
         drive.get(key)?.map_or(Ok(0.0), |cursor| cursor.number(FAR))
     };
-    let strength = |key: &str| -> Result<f64, SceneError> {
-        drive.get(key)?.map_or(Ok(0.0), |cursor| cursor.within(0.0, STRONG))
+    let mut strength = |key: &str, usual: f64, most: f64| -> Result<f64, SceneError> {
+        let Some(cursor) = drive.get(key)? else { return Ok(usual) };
+        let found = cursor.within(0.0, f64::MAX)?;
+        if found <= STRONG {
+            return Ok(found);
+        }
+        // Programs write the largest number of single precision for no bound.
+        if most.is_finite() || found < ENDLESS {
+            let taken = if most.is_finite() { "1e20" } else { "unbounded" };
+            let message = format!("{key} {found:e} is taken as {taken}");
+            warnings.push(Warning { place: cursor.place(), message });
+        }
+        Ok(most)
     };
-    let most = drive.get("maxForce")?.map(|cursor| cursor.within(0.0, f64::MAX)).transpose()?;
     let own = Drive {
         position: target("positionTarget")?,
         velocity: target("velocityTarget")?,
-        stiffness: strength("stiffness")?,
-        damping: strength("damping")?,
-        max_force: most.filter(|most| *most <= STRONG).unwrap_or(f64::INFINITY),
+        stiffness: strength("stiffness", 0.0, STRONG)?,
+        damping: strength("damping", 0.0, STRONG)?,
+        max_force: strength("maxForce", f64::INFINITY, f64::INFINITY)?,
         acceleration: mode == Some(true),
     };
     if own.stiffness == 0.0 && own.damping == 0.0 {

@@ -107,6 +107,14 @@ pub fn quat_unit(q: Quat) -> Option<Quat> {
     (l > 1e-12 && l.is_finite()).then(|| q.map(|x| x / l))
 }
 
+/// Returns the product of two quaternions. If one is the identity, the other is taken with its bits.
+pub fn quat_after(a: Quat, b: Quat) -> Quat {
+    match (a, b) {
+        (NO_TURN, turn) | (turn, NO_TURN) => turn,
+        (a, b) => quat_mul(a, b),
+    }
+}
+
 /// Returns the matrix of a unit quaternion.
 pub fn rotation(q: Quat) -> Mat3 {
     let [x, y, z, w] = q;

@@ -199,13 +199,16 @@ impl UsdBodies<'_> {
         turn: Quat,
     ) -> Result<(ShapeKind, Quat), SceneError> {
         let stage = self.stage;
-        let normal = stage.vector::<3>(prim, "drystone:normal", 1.0)?;
-        let own = stage.vector::<4>(prim, "drystone:orient", 1.0)?;
+        let normal = stage.vector::<3>(prim, "drystone:normal", 2.0)?;
+        let own = stage.vector::<4>(prim, "drystone:orient", 2.0)?;
         if let (ShapeKind::Halfspace { .. }, Some(normal), Some([w, x, y, z])) =
             (&kind, normal, own)
-            && math::quat_mul([x, y, z, w], math::from_up(normal)) == turn
         {
-            return Ok((ShapeKind::Halfspace { normal: normal.into() }, [x, y, z, w]));
+            let stated = math::quat_mul([x, y, z, w], math::from_up(normal));
+            // Within the rounding of single precision.
+            if stated.iter().zip(turn).all(|(a, b)| (a - b).abs() <= 1e-6) {
+                return Ok((ShapeKind::Halfspace { normal: normal.into() }, [x, y, z, w]));
+            }
         }
         Ok((kind, turn))
     }

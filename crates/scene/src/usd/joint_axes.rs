@@ -9,7 +9,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::super::error::{SceneError, Warning};
-use super::super::graph::{FAR, FAST, HEAVY};
+use super::super::graph::{ENDLESS, FAR, FAST, STRONG};
 use super::coordinates::{
     CONE, DISTANCE, ELLIPTIC, NAMES, ROT, TRANS, is_angle, is_shared, shifted,
 };
@@ -18,8 +18,6 @@ use super::prims::Prim;
 use super::stage::Stage;
 use crate::joint::{Coordinate, Drive, JointAxis, Softness};
 
-/// Numbers from here on mean infinity: FLT_MAX of single precision, rounded by any program.
-const ENDLESS: f64 = 1e37;
 /// Largest difference of an exact value from that of UsdPhysics, relative to it.
 const SLACK: f64 = 1e-6;
 /// Lists the names of all axes of a joint, in their order.
@@ -90,6 +88,27 @@ impl<'s> JointPrim<'s> {
         }
     }
 
+    /// Reads a force or a torque, and converts it from its `unit`. Beyond 1e20 it is infinite.
+    pub(super) fn load(
+        &self,
+        name: &str,
+        unit: f64,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Option<f64>, SceneError> {
+        let load = self.endless(name, 0.0, f64::MAX)?.map(|load| load * unit);
+        Ok(load.map(|load| self.bounded(name, load, f64::INFINITY, warnings)))
+    }
+
+    /// Returns a strength in SI units, or `most` for a finite one beyond 1e20.
+    fn bounded(&self, name: &str, strength: f64, most: f64, warnings: &mut Vec<Warning>) -> f64 {
+        if strength <= STRONG || strength == most {
+            return strength;
+        }
+        let taken = if most.is_finite() { format!("{most:e}") } else { "unbounded".to_owned() };
+        self.stage.warn(self.prim, format!("{name} {strength:e} is taken as {taken}"), warnings);
+        most
+    }
+
     /// Reads a word out of a list, and returns its place in it; the first is the default.
     fn choice(&self, name: &str, words: &[&str]) -> Result<usize, SceneError> {
         let Some(word) = self.stage.word(self.prim, self.read(name))? else { return Ok(0) };
@@ -115,14 +134,14 @@ pub(super) fn read(
     let mut axes = of_type(joint)?;
     for (token, place) in tokens(joint, first) {
         limit(joint, &token, place, &mut axes, warnings)?;
-        drive(joint, &token, place, &mut axes)?;
+        drive(joint, &token, place, &mut axes, warnings)?;
     }
     if listed.is_none() {
         doubts(joint, &axes, warnings);
     }
     let listed: Vec<usize> =
         listed.unwrap_or_default().iter().map(|at| renamed(*at, first)).collect();
-    own(joint, first, &listed, &mut axes)?;
+    own(joint, first, &listed, &mut axes, warnings)?;
     let mut ordered: Vec<JointAxis> =
         listed.iter().filter_map(|place| axes.remove(place)).collect();
     ordered.extend(axes.into_values());
@@ -347,6 +366,7 @@ fn drive(
     token: &str,
     place: usize,
     axes: &mut Axes,
+    warnings: &mut Vec<Warning>,
 ) -> Result<(), SceneError> {
     let Some(coordinate) = plain(place) else { return Ok(()) };
     if !joint.has_schema(&format!("PhysicsDriveAPI:{token}")) {
@@ -373,8 +393,26 @@ fn drive(
         drive.damping *= mass;
         drive.max_force *= force;
     }
+    bound(joint, &name, &mut drive, warnings);
     axes.entry(place).or_insert_with(|| axis(coordinate)).drives.push(drive);
     Ok(())
+}
+
+/// Bounds the strengths of a drive in SI units by those of the own format.
+fn bound(
+    joint: &JointPrim<'_>,
+    name: &dyn Fn(&str) -> String,
+    drive: &mut Drive,
+    warnings: &mut Vec<Warning>,
+) {
+    let most = if drive.damping.is_finite() { STRONG } else { f64::INFINITY };
+    for (of, value, most) in [
+        ("stiffness", &mut drive.stiffness, STRONG),
+        ("damping", &mut drive.damping, most),
+        ("maxForce", &mut drive.max_force, f64::INFINITY),
+    ] {
+        *value = joint.bounded(&name(of), *value, most, warnings);
+    }
 }
 
 /// Reads a drive without conversion of units.
@@ -386,9 +424,9 @@ fn raw_drive(joint: &JointPrim<'_>, name: &dyn Fn(&str) -> String) -> Result<Dri
     Ok(Drive {
         position: number("targetPosition", -FAR, FAR)?,
         velocity: number("targetVelocity", -FAST, FAST)?,
-        stiffness: number("stiffness", 0.0, HEAVY)?,
-        damping: joint.endless(&name("damping"), 0.0, HEAVY)?.unwrap_or(0.0),
-        max_force: joint.endless(&name("maxForce"), 0.0, HEAVY)?.unwrap_or(f64::INFINITY),
+        stiffness: number("stiffness", 0.0, f64::MAX)?,
+        damping: joint.endless(&name("damping"), 0.0, f64::MAX)?.unwrap_or(0.0),
+        max_force: joint.endless(&name("maxForce"), 0.0, f64::MAX)?.unwrap_or(f64::INFINITY),
         acceleration,
     })
 }
@@ -419,10 +457,11 @@ fn own(
     first: usize,
     listed: &[usize],
     axes: &mut Axes,
+    warnings: &mut Vec<Warning>,
 ) -> Result<(), SceneError> {
     for place in 0..NAMES.len() {
         let Some(token) = NAMES.get(shifted(place, first)) else { continue };
-        let friction = joint.endless(&format!("drystone:friction:{token}"), 0.0, HEAVY)?;
+        let friction = joint.load(&format!("drystone:friction:{token}"), 1.0, warnings)?;
         let known = axes.contains_key(&place);
         if !known && friction.is_none() && !listed.contains(&place) {
             continue;
@@ -433,7 +472,7 @@ fn own(
         axis.friction = friction.unwrap_or(0.0);
         let stated = known || is_shared(place);
         own_limits(joint, token, stated, axis)?;
-        own_drives(joint, token, is_shared(place), axis)?;
+        own_drives(joint, token, is_shared(place), axis, warnings)?;
     }
     Ok(())
 }
@@ -505,7 +544,7 @@ fn own_limits(
             axis.limits = Some([low, high]);
         }
     }
-    let number = |of: &str| joint.number(&name(of), 0.0, HEAVY);
+    let number = |of: &str| joint.number(&name(of), 0.0, STRONG);
     let (stiffness, damping) = (number("stiffness")?, number("damping")?);
     if stiffness.is_some() || damping.is_some() {
         axis.softness =
@@ -520,9 +559,15 @@ fn own_drives(
     token: &str,
     shared: bool,
     axis: &mut JointAxis,
+    warnings: &mut Vec<Warning>,
 ) -> Result<(), SceneError> {
     let is_there = |prefix: &str| joint.prim.properties.keys().any(|name| name.starts_with(prefix));
-    let read = |prefix: &str| raw_drive(joint, &|of: &str| format!("{prefix}{of}"));
+    let mut read = |prefix: &str| -> Result<Drive, SceneError> {
+        let name = |of: &str| format!("{prefix}{of}");
+        let mut drive = raw_drive(joint, &name)?;
+        bound(joint, &name, &mut drive, warnings);
+        Ok(drive)
+    };
     let prefix = format!("drystone:drive:{token}:");
     match axis.drives.first_mut() {
         Some(said) => {
@@ -532,7 +577,7 @@ fn own_drives(
                 ("stiffness", &mut said.stiffness),
                 ("damping", &mut said.damping),
             ] {
-                let exact = joint.number(&format!("{prefix}{of}"), -HEAVY, HEAVY)?;
+                let exact = joint.number(&format!("{prefix}{of}"), -STRONG, STRONG)?;
                 *value = exact.filter(|exact| is_close(*exact, *value)).unwrap_or(*value);
             }
         }

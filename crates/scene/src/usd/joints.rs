@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Quat, Vec3};
 use super::super::graph::transform::Affine;
-use super::super::graph::{FAR, HEAVY, TURN_SLACK, unique};
+use super::super::graph::{FAR, TURN_SLACK, unique};
 use super::joint_axes::{self, JointPrim};
 use super::motion::Transforms;
 use super::prims::Prim;
@@ -87,7 +87,7 @@ impl JointReader<'_> {
     ) -> Result<Option<Joint>, SceneError> {
         let (stage, prim) = (self.stage, own.prim);
         let (axes, first) = joint_axes::read(own, warnings)?;
-        let breaking = breaking(own)?;
+        let breaking = breaking(own, warnings)?;
         let enabled = own.flag("physics:jointEnabled")? != Some(false);
         let collide = own.flag("physics:collisionEnabled")? == Some(true);
         // Bodies never form a tree here, so that it does not matter which joints would close loops.
@@ -220,19 +220,17 @@ impl JointReader<'_> {
     }
 }
 
-/// Reads the loads at which a joint breaks; infinite ones never break it.
-fn breaking(own: &JointPrim<'_>) -> Result<Breaking, SceneError> {
+/// Reads the loads at which a joint breaks. Infinite ones never break it; they are the default of
+/// UsdPhysics, and kept beside a finite one only.
+fn breaking(own: &JointPrim<'_>, warnings: &mut Vec<Warning>) -> Result<Breaking, SceneError> {
     let units = own.stage.units;
     let newton = units.kilograms * units.meters;
-    let load = |name: &str, unit: f64| -> Result<Option<f64>, SceneError> {
-        let found = own.endless(name, 0.0, HEAVY)?;
-        Ok(found.filter(|load| load.is_finite()).map(|load| load * unit))
-    };
-    Ok(Breaking {
-        force: load("physics:breakForce", newton)?,
-        torque: load("physics:breakTorque", newton * units.meters)?,
-        impulse: load("drystone:breakImpulse", 1.0)?,
-    })
+    let mut load = |name: &str, unit: f64| own.load(name, unit, warnings);
+    let force = load("physics:breakForce", newton)?;
+    let torque = load("physics:breakTorque", newton * units.meters)?;
+    let impulse = load("drystone:breakImpulse", 1.0)?;
+    let breaks = [force, torque, impulse].into_iter().flatten().any(f64::is_finite);
+    Ok(if breaks { Breaking { force, torque, impulse } } else { Breaking::default() })
 }
 
 #[cfg(test)]

@@ -14,6 +14,8 @@ use crate::graph::math::{self, Mat3, Quat, Vec3};
 const MOST_GRAVITY: f64 = 1e6;
 /// Largest coordinate of a force. \[N\]
 const MOST_FORCE: f64 = 1e20;
+/// Largest difference of an exact value from that of the stage, relative to it. \[1\]
+const SLACK: f64 = 1e-6;
 /// Largest damping rate. \[1/s\]
 const STRONGEST: f64 = 1e6;
 
@@ -196,7 +198,8 @@ pub(super) fn of(stage: &Stage<'_>, prim: &Prim, above: Pose) -> Result<BodyMoti
     let degrees = stage.vector::<3>(prim, ANGULAR, FAST)?.unwrap_or_default();
     let straight = above == Pose::REST;
     let linear = if straight { linear } else { math::apply(above.map.linear, linear) };
-    let angular = degrees.map(f64::to_radians);
+    let exact = stage.vector::<3>(prim, "drystone:angularVelocity", FAST)?;
+    let angular = exact_or(exact, degrees.map(f64::to_radians));
     let angular = if straight { angular } else { math::turn(above.turn, angular) };
     let gravity = stage.number(prim, "drystone:gravityFactor", -MOST_GRAVITY, MOST_GRAVITY)?;
     Ok(BodyMotion {
@@ -215,6 +218,14 @@ pub(super) fn of(stage: &Stage<'_>, prim: &Prim, above: Pose) -> Result<BodyMoti
         start_asleep: motion == Motion::Dynamic && flag("physics:startsAsleep")? == Some(true),
         released: flag("drystone:released")? == Some(true),
     })
+}
+
+/// Returns the exact vector where it agrees with the stated one: nobody has changed the latter.
+fn exact_or(exact: Option<Vec3>, stated: Vec3) -> Vec3 {
+    let same = |exact: &Vec3| {
+        exact.iter().zip(stated).all(|(a, b)| *a == b || (a - b).abs() <= SLACK * b.abs())
+    };
+    exact.filter(same).unwrap_or(stated)
 }
 
 /// Reads linear and angular damping in PhysX's schema. Where it is applied without values, they are
@@ -260,7 +271,8 @@ pub(super) fn surface(
     let local = flag("physxSurfaceVelocity:surfaceVelocityLocalSpace")? != Some(false);
     let (units, meters) = (stage.units, stage.units.meters);
     let (linear, degrees) = (linear.unwrap_or_default(), degrees.unwrap_or_default());
-    let angular = degrees.map(f64::to_radians);
+    let exact = stage.vector::<3>(prim, "drystone:surfaceAngularVelocity", FAST)?;
+    let angular = exact_or(exact, degrees.map(f64::to_radians));
     let (linear, angular) = if local {
         (if meters == 1.0 { linear } else { math::scale(linear, meters) }, angular)
     } else {

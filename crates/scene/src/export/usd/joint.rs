@@ -7,6 +7,7 @@
 //! Angles are written such that the reader gets the same bits. For about one in ten there is no such
 //! number of degrees; an attribute in radians then follows.
 
+use super::inverse;
 use super::prim::{PrimWriter, list, quoted, space, tuple};
 use crate::joint::{Coordinate, Drive, Joint, JointAxis};
 use crate::usd::coordinates::{
@@ -392,14 +393,4 @@ impl AxisWriter<'_> {
             _ => {}
         }
     }
-}
-
-/// Returns a number near `guess` that `back` converts to `value`, if there is one, and whether there
-/// is. Of two numbers, the shorter one is taken.
-fn inverse(value: f64, guess: f64, back: fn(f64) -> f64) -> (f64, bool) {
-    let round = (guess * 1e9).round() / 1e9;
-    let found = [round, guess, guess.next_up(), guess.next_down()]
-        .into_iter()
-        .find(|written| back(*written) == value);
-    (found.unwrap_or(guess), found.is_some())
 }
