@@ -232,7 +232,8 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
 
     /// Breaks the joints that the solve of a substep loads by more than their strength in [`BLOW`], or in
     /// two substeps; while `relaxing`, those that both load so. Returns true if there were any; then it is
-    /// to be solved again.
+    /// to be solved again. Their load of the step becomes the one that broke them, as a mean over the
+    /// time that it is judged by.
     pub(crate) fn snap<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
@@ -259,7 +260,8 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 if record.strain(load.map(|own| own.length()), time) <= 1.0 {
                     continue;
                 }
-                record.bear(load, turns);
+                record.load = Default::default();
+                record.bear(load.map(|own| own * (*step / time)), turns);
                 record.broken = true;
                 // Its load is counted, and must not count again when relaxing ends.
                 record.states.iter_mut().for_each(|own| own.solved = 0.0);

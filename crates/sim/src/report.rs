@@ -124,9 +124,9 @@ pub struct StepReport {
 pub struct BrokenJoint {
     /// Its slot.
     pub joint: u32,
-    /// Mean force on a in the step. \[N\]
+    /// Force on a that broke it: its mean over the step, or over 1/240 s of it. \[N\]
     pub force: f64,
-    /// Mean torque on a about the joint in the step. \[N m\]
+    /// Torque on a about the joint, over the same time. \[N m\]
     pub torque: f64,
 }
 

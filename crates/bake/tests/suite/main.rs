@@ -2,6 +2,7 @@
 
 mod any_world;
 mod audit;
+mod breaking;
 mod checkpoint;
 mod common;
 mod contacts;

@@ -44,9 +44,9 @@ struct Broken {
     step: usize,
     /// Time at the end of the step. \[s\]
     time: f64,
-    /// Mean force over the step. \[N\]
+    /// Force that broke it: its mean over the step, or over 1/240 s of it. \[N\]
     force: f64,
-    /// Mean torque over the step. \[N m\]
+    /// Torque over the same time. \[N m\]
     torque: f64,
 }
 
