@@ -95,7 +95,9 @@ struct Numbers<'a>(usize, &'a Range);
 
 impl Display for Numbers<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} numbers {}", self.0, self.1)
+        // Infinity is accepted for each of them, not instead of the list.
+        let each = if self.1.infinite { ", each" } else { "" };
+        write!(f, "{} numbers{each} {}", self.0, self.1)
     }
 }
 
@@ -307,7 +309,7 @@ impl<'a> FieldCursor<'a> {
         owner: &'b dyn Display,
     ) -> Result<TableCursor<'b>, SceneError> {
         let table = self.open(keys, owner)?;
-        table.check_keys()?;
+        table.check_keys(|_| None)?;
         Ok(table)
     }
 
@@ -346,14 +348,21 @@ impl<'a> FieldCursor<'a> {
 }
 
 impl<'a> TableCursor<'a> {
-    fn check_keys(&self) -> Result<(), SceneError> {
+    /// Refuses keys that the table may not contain. `owner_of` says where else a key belongs.
+    pub(super) fn check_keys(
+        &self,
+        owner_of: impl Fn(&str) -> Option<String>,
+    ) -> Result<(), SceneError> {
         match self.entries.iter().find(|entry| !self.keys.contains(&entry.key.as_ref())) {
             None => Ok(()),
-            Some(entry) => Err(self.unknown(entry)),
+            Some(entry) => {
+                let nearest = || nearest_known(&entry.key, self.keys);
+                Err(self.unknown(entry, owner_of(&entry.key).unwrap_or_else(nearest)))
+            }
         }
     }
 
-    fn unknown(&self, entry: &TreeEntry<'_>) -> SceneError {
+    fn unknown(&self, entry: &TreeEntry<'_>, accepted: String) -> SceneError {
         let path = ValuePath { parent: Some(&self.path), step: Step::Key(&entry.key) };
         let name = format!("unknown key '{}'", one_line(&entry.key));
         SceneError {
@@ -361,7 +370,7 @@ impl<'a> TableCursor<'a> {
             place: self.walk.place(entry.start, &path),
             item: item(&name, self.owner),
             value: String::new(),
-            accepted: nearest_known(&entry.key, self.keys),
+            accepted,
             unreadable: false,
         }
     }

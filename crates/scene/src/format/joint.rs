@@ -7,10 +7,10 @@ pub(super) mod setup;
 
 use std::collections::BTreeSet;
 
-use self::axis::{AXIS_KEYS, Defaults, LIMIT_KEYS, LOAD, LOCKED};
+use self::axis::{AXIS_KEYS, Defaults, LIMIT_KEYS, LOAD, LOCKED, MOTOR_KEYS, SPRING_KEYS};
 use self::axis::{limited, read_axis, read_spring};
 use self::coordinate::{NAMES, default_limits, rank, read_coordinate, read_parameters};
-use self::frames::{apart, distance, read_frames, warn_of_distance, world_point};
+use self::frames::{apart, distance, read_frames, warn_of_arms, warn_of_distance, world_point};
 use self::setup::JointSetup;
 use super::cursor::{FieldCursor, Range, TableCursor, nearest_known};
 use super::tree::{Tree, one_line};
@@ -180,6 +180,8 @@ const OF_PARTICLES: [&str; 5] = ["point", "distance", "rope", "spring", "general
 
 const MAX_JOINTS: usize = 10_000_000;
 const LENGTH: Range = Range::new(0.0, 1e6, "m");
+/// Length up to which a part of the rope of a pulley has no direction. \[m\]
+const SHORTEST: f64 = 1e-6;
 
 /// Reads the joints of a scene.
 pub(super) fn read_joints(
@@ -212,15 +214,18 @@ fn read_joint(
     let kind = open.require("type", types(setup))?;
     let keys = kind.choice(&JOINT_KEYS).map_err(|_| kind.refuse(types(setup)))?;
     // Only now is the type known: a pitch on a hinge is an error.
-    let table = &field.table(keys, &owner)?;
+    let table = &field.open(keys, &owner)?;
+    table.check_keys(|key| owner_of(key, keys, setup))?;
     let kind = read_type(&kind, setup)?;
     let bodies = read_bodies(table, setup)?;
     let frames = read_frames(table, kind, bodies, setup)?;
     warn_of_distance(field, &owner, distance(bodies, &frames, setup));
+    warn_of_arms(field, &owner, bodies, &frames, setup);
     let axes = read_axes(table, kind, Placed { bodies, frames: &frames }, setup)?;
     if axes.is_empty() {
         field.warn_of(&owner, "does not act: all its coordinates are free");
     }
+    warn_of_sleep(field, &owner, bodies, &axes, setup);
     let flag = |key, default| table.get(key).map_or(Ok(default), |field| field.boolean());
     Ok(Joint {
         name: read_name(table, names)?,
@@ -231,6 +236,44 @@ fn read_joint(
         collide: flag("collide", false)?,
         enabled: flag("enabled", true)?,
     })
+}
+
+/// Returns where a key belongs that joints of this type do not have: to a table in the joint, or to
+/// joints of other types.
+fn owner_of(key: &str, keys: &[&str], setup: &JointSetup<'_>) -> Option<String> {
+    const PARTS: [(&str, &[&str]); 3] =
+        [("motor", MOTOR_KEYS), ("spring", SPRING_KEYS), ("breaking", BREAKING_KEYS)];
+    let parts = PARTS.iter().filter(|(part, own)| keys.contains(part) && own.contains(&key));
+    let parts: Vec<_> = parts.map(|(part, _)| format!("'{part}.{key}'")).collect();
+    if !parts.is_empty() {
+        return Some(format!("accepted: {}", parts.join(" or ")));
+    }
+    let others = JOINT_KEYS.iter().filter(|(name, _)| exists(name, setup));
+    let others: Vec<_> = others
+        .filter(|(_, own)| own.contains(&key))
+        .map(|(name, _)| format!("\"{name}\""))
+        .collect();
+    (!others.is_empty()).then(|| format!("joints of type {} have this key", others.join(", ")))
+}
+
+/// Warns of a motor that runs between bodies that all start asleep.
+fn warn_of_sleep(
+    field: &FieldCursor<'_>,
+    owner: &str,
+    bodies: [Option<usize>; 2],
+    axes: &[JointAxis],
+    setup: &JointSetup<'_>,
+) {
+    let runs = axes.iter().flat_map(|axis| &axis.drives).any(|drive| drive.velocity != 0.0);
+    let mut moving = bodies
+        .into_iter()
+        .filter_map(|body| setup.body(body))
+        .filter(|body| body.motion != Motion::Static);
+    if runs && moving.all(|body| body.start_asleep) {
+        let what =
+            "has a motor that does not act before something wakes its bodies, which start asleep";
+        field.warn_of(owner, what);
+    }
 }
 
 /// Lists the types of joints in a scene of this kind, for messages.
@@ -484,7 +527,11 @@ fn read_pulley(
         return Ok(axis::free(coordinate));
     };
     let ([a, b], [i, j]) = (placed.frames, placed.bodies);
-    let start = apart(&world_point(i, a, setup), &p) + ratio * apart(&world_point(j, b, setup), &q);
+    let parts = [apart(&world_point(i, a, setup), &p), apart(&world_point(j, b, setup), &q)];
+    let start = parts[0] + ratio * parts[1];
+    if let (Some(points), true) = (table.get("points"), parts.iter().any(|part| *part < SHORTEST)) {
+        points.warn("put one on the anchor of its body, where the rope has no direction");
+    }
     let (length, limits) = (table.get("length"), table.get("limits"));
     if let (Some(field), Some(_)) = (length, limits) {
         return Err(field.refuse("either length or limits, not both"));
@@ -517,15 +564,21 @@ fn read_breaking(table: &TableCursor<'_>) -> Result<Breaking, SceneError> {
     };
     let owner = table.nested("breaking".to_owned());
     let loads = field.table(BREAKING_KEYS, &owner)?;
-    let load = |key, unit| {
-        let range = Range { unit, ..LOAD };
-        loads.get(key).map(|field| field.real(&range)).transpose()
+    let load = |key, unit| -> Result<Option<f64>, SceneError> {
+        let Some(field) = loads.get(key) else { return Ok(None) };
+        let load = field.real(&Range { unit, ..LOAD })?;
+        if load == 0.0 {
+            field.warn("is 0: any load breaks the joint");
+        }
+        Ok(Some(load))
     };
-    Ok(Breaking {
-        force: load("force", "N")?,
-        torque: load("torque", "N m")?,
-        impulse: load("impulse", "N s")?,
-    })
+    let force = load("force", "N")?;
+    let torque = load("torque", "N m")?;
+    let impulse = load("impulse", "N s")?;
+    if ![force, torque, impulse].into_iter().flatten().any(f64::is_finite) {
+        field.warn("does not act: it has no finite force, torque or impulse");
+    }
+    Ok(Breaking { force, torque, impulse })
 }
 
 #[cfg(test)]

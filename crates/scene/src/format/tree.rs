@@ -161,28 +161,26 @@ impl fmt::Display for Tree<'_> {
             Tree::Float(value) if value.is_nan() => write!(f, "nan"),
             Tree::Float(value) => write!(f, "{value:?}"),
             Tree::Text(text) => write!(f, "\"{}\"", one_line(text)),
-            Tree::Array(items) => {
-                write!(f, "[")?;
-                for (i, item) in items.iter().take(4).enumerate() {
-                    write!(f, "{}{}", if i > 0 { ", " } else { "" }, Brief(&item.value))?;
-                }
-                write!(f, "{}]", if items.len() > 4 { ", ..." } else { "" })
-            }
+            Tree::Array(items) => write_list(f, items, 2),
             Tree::Table(_) => write!(f, "a table"),
         }
     }
 }
 
-/// Item of a list in a message; nested lists are not spelled out.
-struct Brief<'a>(&'a Tree<'a>);
-
-impl fmt::Display for Brief<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Tree::Array(items) => write!(f, "[{} items]", items.len()),
-            other => write!(f, "{other}"),
+/// Writes the first four items of a list, and of lists in it up to this depth.
+fn write_list(f: &mut fmt::Formatter<'_>, items: &[TreeNode<'_>], depth: u32) -> fmt::Result {
+    let Some(deeper) = depth.checked_sub(1) else {
+        return write!(f, "[{} items]", items.len());
+    };
+    write!(f, "[")?;
+    for (i, item) in items.iter().take(4).enumerate() {
+        write!(f, "{}", if i > 0 { ", " } else { "" })?;
+        match &item.value {
+            Tree::Array(inner) => write_list(f, inner, deeper)?,
+            other => write!(f, "{other}")?,
         }
     }
+    write!(f, "{}]", if items.len() > 4 { ", ..." } else { "" })
 }
 
 impl<'de> Deserialize<'de> for TreeNode<'de> {

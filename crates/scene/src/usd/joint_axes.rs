@@ -469,7 +469,7 @@ fn own(
         let coordinate = coordinate(joint, place, axes.get(&place))?;
         let axis = axes.entry(place).or_insert_with(|| axis(coordinate));
         axis.coordinate = coordinate;
-        axis.friction = friction.unwrap_or(0.0);
+        axis.friction = friction.unwrap_or(0.0).min(STRONG);
         let stated = known || is_shared(place);
         own_limits(joint, token, stated, axis)?;
         own_drives(joint, token, is_shared(place), axis, warnings)?;

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::super::error::{SceneError, Warning};
 use super::super::graph::math::{self, Quat, Vec3};
 use super::super::graph::transform::Affine;
-use super::super::graph::{FAR, TURN_SLACK, unique};
+use super::super::graph::{ENDLESS, FAR, TURN_SLACK, unique};
 use super::joint_axes::{self, JointPrim};
 use super::motion::Transforms;
 use super::prims::Prim;
@@ -225,7 +225,12 @@ impl JointReader<'_> {
 fn breaking(own: &JointPrim<'_>, warnings: &mut Vec<Warning>) -> Result<Breaking, SceneError> {
     let units = own.stage.units;
     let newton = units.kilograms * units.meters;
-    let mut load = |name: &str, unit: f64| own.load(name, unit, warnings);
+    let mut load = |name: &str, unit: f64| -> Result<Option<f64>, SceneError> {
+        let stated = own.stage.number(own.prim, name, 0.0, f64::INFINITY)?;
+        let load = own.load(name, unit, warnings)?;
+        // Other programs write FLT_MAX for no threshold.
+        Ok(load.filter(|_| !stated.is_some_and(|load| (ENDLESS..f64::INFINITY).contains(&load))))
+    };
     let force = load("physics:breakForce", newton)?;
     let torque = load("physics:breakTorque", newton * units.meters)?;
     let impulse = load("drystone:breakImpulse", 1.0)?;

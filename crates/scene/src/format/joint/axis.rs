@@ -128,12 +128,26 @@ fn warn_of_reach(field: &FieldCursor<'_>, coordinate: Coordinate, limits: [f64; 
         Coordinate::Swing(_) | Coordinate::Cone | Coordinate::Rotation | Coordinate::Cardan(_) => {
             PI
         }
+        Coordinate::Twist | Coordinate::Angle => return warn_of_degrees(field, limits),
         _ => return,
     };
     if limits.iter().any(|x| x.is_finite() && x.abs() > reach + 1e-6) {
         field.warn(format_args!(
             "has a limit beyond the largest value of this angle, {} rad; angles are in radians",
             Number(reach)
+        ));
+    }
+}
+
+/// Warns of limits beyond two turns that are whole multiples of five: mostly, they are in degrees.
+fn warn_of_degrees(field: &FieldCursor<'_>, limits: [f64; 2]) {
+    let mut finite = limits.iter().filter(|x| x.is_finite());
+    let farthest = limits.iter().filter(|x| x.is_finite()).fold(0.0f64, |far, x| far.max(x.abs()));
+    if farthest > 2.0 * TAU && finite.all(|x| x % 5.0 == 0.0) {
+        field.warn(format_args!(
+            "reach {} rad, which is {:.0} turns and looks like degrees; angles are in radians",
+            Number(farthest),
+            farthest / TAU
         ));
     }
 }

@@ -102,6 +102,24 @@ pub(super) fn warn_of_distance(joint: &FieldCursor<'_>, owner: &str, distance: f
     }
 }
 
+/// Warns of a frame that is far from the body that it is in. Rounding of rotations moves such an
+/// anchor.
+pub(super) fn warn_of_arms(
+    joint: &FieldCursor<'_>,
+    owner: &str,
+    bodies: [Option<usize>; 2],
+    frames: &[JointFrame; 2],
+    setup: &JointSetup<'_>,
+) {
+    for (index, frame) in bodies.into_iter().zip(frames) {
+        let arm = frame.position.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if let Some(index) = index.filter(|_| arm > APART) {
+            let body = setup.name_of(index);
+            joint.warn_of(owner, format_args!("has an anchor that is {arm:.0} m from {body}"));
+        }
+    }
+}
+
 /// Reads the positions of the frames in their bodies.
 fn read_anchors(
     table: &TableCursor<'_>,

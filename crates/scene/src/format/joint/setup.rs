@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::description::Body;
+use crate::format::tree::one_line;
 
 /// Bodies that joints refer to.
 pub(crate) struct JointSetup<'a> {
@@ -18,6 +19,14 @@ impl<'a> JointSetup<'a> {
         let name = |(i, body): (usize, &'a Body)| Some((body.name.as_deref()?, i));
         let names = bodies.iter().enumerate().filter_map(name).collect();
         Self { dimension, particles, bodies, names }
+    }
+
+    /// Returns the name of a body in messages.
+    pub(super) fn name_of(&self, index: usize) -> String {
+        match self.body(Some(index)).and_then(|body| body.name.as_deref()) {
+            Some(name) => format!("body '{}'", one_line(name)),
+            None => format!("body {index}"),
+        }
     }
 
     /// Returns the body; `None` for the world.

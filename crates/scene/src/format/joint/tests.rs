@@ -363,7 +363,7 @@ fn bad_lines() -> Vec<(&'static str, &'static str)> {
         ),
         (
             "type = \"hinge\"\nbodies = [\"a\"]\naxis = [0, 1, 0]\npitch = 1",
-            "s.toml:16:1: unknown key 'pitch' of joint 0; the nearest known key is 'motor'",
+            "s.toml:16:1: unknown key 'pitch' of joint 0; joints of type \"screw\" have this key",
         ),
         (
             "type = \"general\"\nbodies = [\"a\"]\nangle = \"locked\"",
@@ -382,8 +382,21 @@ fn bad_lines() -> Vec<(&'static str, &'static str)> {
         ),
         (
             "type = \"universal\"\nbodies = [\"a\"]\naxes = [[1, 0, 0], [1, 0, 0]]",
-            "s.toml:15:8: axes of joint 0 is [[3 items], [3 items]]; accepted: 2 directions that \
+            "s.toml:15:8: axes of joint 0 is [[1, 0, 0], [1, 0, 0]]; accepted: 2 directions that \
              are perpendicular (within 1e-3)",
+        ),
+        (
+            "type = \"hinge\"\nbodies = [\"a\"]\naxis = [0, 1, 0]\nat_most = 3",
+            "s.toml:16:1: unknown key 'at_most' of joint 0; accepted: 'motor.at_most' or \
+             'spring.at_most'",
+        ),
+        (
+            "type = \"hinge\"\nbodies = [\"a\"]\naxis = [0, 1, 0]\nforce = 3",
+            "s.toml:16:1: unknown key 'force' of joint 0; accepted: 'breaking.force'",
+        ),
+        (
+            "type = \"hinge\"\nbodies = [\"a\"]\naxis = [0, 1, 0]\nlimit = [0, 1]",
+            "s.toml:16:1: unknown key 'limit' of joint 0; the nearest known key is 'limits'",
         ),
         (
             "type = \"hinge\"\nbodies = [\"a\"]\naxis = [0, 1, 0]\n\
@@ -445,6 +458,75 @@ fn what_a_scene_cannot_have_is_refused() {
     let twice = "type = \"fixed\"\nname = \"j\"\nbodies = [\"a\"]\n";
     let message = error(&format!("{}[[joints]]\n{twice}", scene_of(twice)));
     assert!(message.contains("name of joint 'j' is \"j\"; accepted: a name of its own"));
+}
+
+/// Thresholds without effect, points on anchors, anchors far from their bodies and limits in degrees
+/// give one warning each.
+#[test]
+fn joints_that_cannot_be_meant_give_warnings() {
+    let hinge = "type = \"hinge\"\nbodies = [\"a\", \"b\"]\naxis = [0, 1, 0]";
+    let fixed = "type = \"fixed\"\nbodies = [\"a\"]";
+    let pulley = "type = \"pulley\"\nbodies = [\"a\", \"b\"]";
+    let never = "does not act: it has no finite force, torque or impulse";
+    for (lines, expected) in [
+        (format!("{hinge}\nbreaking = {{}}"), format!("16:12: breaking of joint 0 {never}")),
+        (
+            format!("{hinge}\nbreaking = {{ force = \"inf\" }}"),
+            format!("16:12: breaking of joint 0 {never}"),
+        ),
+        (
+            format!("{hinge}\nbreaking = {{ force = 0, torque = 1 }}"),
+            "16:22: force of breaking of joint 0 is 0: any load breaks the joint".to_owned(),
+        ),
+        (
+            format!("{pulley}\npoints = [[1, 2, 0], [3, 5, 0]]"),
+            "15:10: points of joint 0 put one on the anchor of its body, where the rope has no \
+             direction"
+                .to_owned(),
+        ),
+        (
+            format!("{fixed}\nanchor = [1e6, 2, 0]"),
+            "12:1: joint 0 has an anchor that is 999999 m from body 'a'".to_owned(),
+        ),
+        (
+            format!("{hinge}\nlimits = [-90, 90]"),
+            "16:10: limits of joint 0 reach 90 rad, which is 14 turns and looks like degrees; angles are in \
+             radians"
+                .to_owned(),
+        ),
+        (
+            format!("{hinge}\nlimits = [\"-inf\", 45]"),
+            "16:10: limits of joint 0 reach 45 rad, which is 7 turns and looks like degrees; angles are in \
+             radians"
+                .to_owned(),
+        ),
+    ] {
+        assert_eq!(warnings(&scene_of(&lines)), [expected]);
+    }
+    for lines in [
+        format!("{hinge}\nlimits = [-10, 10]"),
+        format!("{hinge}\nlimits = [-31.4, 62.8]"),
+        format!("{hinge}\nbreaking = {{ force = \"inf\", torque = 1 }}"),
+        format!("{pulley}\npoints = [[1, 2.1, 0], [3, 5, 0]]"),
+        format!("{fixed}\nanchor = [900, 2, 0]"),
+    ] {
+        assert_eq!(warnings(&scene_of(&lines)), [""; 0], "{lines}");
+    }
+}
+
+/// A motor between bodies that start asleep waits until something wakes them.
+#[test]
+fn a_motor_of_sleeping_bodies_gives_a_warning() {
+    let scene = |sleep: &str, velocity: f64| {
+        let body = "[[bodies]]\nshapes = [{ type = \"sphere\", radius = 1 }]\n";
+        let joint = "[[joints]]\ntype = \"hinge\"\nbodies = [0]\naxis = [0, 0, 1]\n";
+        format!("{body}{sleep}{joint}motor = {{ velocity = {velocity} }}\n")
+    };
+    let expected = "4:1: joint 0 has a motor that does not act before something wakes its bodies, \
+                    which start asleep";
+    assert_eq!(warnings(&scene("start_asleep = true\n", 2.0)), [expected]);
+    assert_eq!(warnings(&scene("start_asleep = true\n", 0.0)), [""; 0]);
+    assert_eq!(warnings(&scene("", 2.0)), [""; 0]);
 }
 
 /// Far anchors, angles out of reach, and joints and limits without effect give warnings.
