@@ -28,8 +28,9 @@ fn broken(text: &str, settings: &StepSettings) -> Option<[[f64; 2]; 2]> {
     None
 }
 
-/// The load of a joint that broke is at least its strength, in the report and in the recording, for
-/// all lengths of steps and numbers of substeps. It is no larger than the whole blow within 1/240 s.
+/// The load of a joint that broke is at least its strength, in the report and in the recording.
+/// This holds for all lengths of steps and numbers of substeps. It is no larger than the whole blow
+/// within 1/240 s.
 #[test]
 fn a_joint_breaks_by_no_less_than_its_strength() {
     let presets = [StepSettings::realtime(), StepSettings::quality(), StepSettings::certified()];
@@ -58,7 +59,8 @@ fn a_joint_breaks_by_no_less_than_its_strength() {
             // A ball falls on the end of a bar of 1 m that is fixed to the world.
             let bar = format!(
                 "time_step = {time_step}\n[[bodies]]\nname = \"bar\"\nmass = 1\n\
-                 position = [0.5, 0, 0]\nshapes = [{{ type = \"box\", half_extents = [0.5, 0.05, 0.1] }}]\n\
+                 position = [0.5, 0, 0]\n\
+                 shapes = [{{ type = \"box\", half_extents = [0.5, 0.05, 0.1] }}]\n\
                  [[bodies]]\nposition = [0.9, 0.6, 0]\nmass = 2\n\
                  shapes = [{{ type = \"sphere\", radius = 0.1 }}]\n\
                  [[joints]]\ntype = \"fixed\"\nbodies = [\"bar\"]\nanchor = [0, 0, 0]\n\

@@ -455,8 +455,8 @@ fn motion(body: &Body, mass: f64, own: &mut Map<String, Value>) -> Value {
     out
 }
 
-/// Writes the velocities in the space of the node. Those that would not come back with the same bits
-/// are added to `own`.
+/// Writes the velocities in the space of the node. Those that would not come back with the same
+/// bits are added to `own`.
 fn set_velocities(out: &mut Value, body: &Body, own: &mut Map<String, Value>) {
     let turn = rotation(body.rotation);
     for (key, velocity) in

@@ -460,8 +460,8 @@ fn what_a_scene_cannot_have_is_refused() {
     assert!(message.contains("name of joint 'j' is \"j\"; accepted: a name of its own"));
 }
 
-/// Thresholds without effect, points on anchors, anchors far from their bodies and limits in degrees
-/// give one warning each.
+/// Thresholds without effect, points on anchors, anchors far from their bodies and limits in
+/// degrees give one warning each.
 #[test]
 fn joints_that_cannot_be_meant_give_warnings() {
     let hinge = "type = \"hinge\"\nbodies = [\"a\", \"b\"]\naxis = [0, 1, 0]";
@@ -490,14 +490,14 @@ fn joints_that_cannot_be_meant_give_warnings() {
         ),
         (
             format!("{hinge}\nlimits = [-90, 90]"),
-            "16:10: limits of joint 0 reach 90 rad, which is 14 turns and looks like degrees; angles are in \
-             radians"
+            "16:10: limits of joint 0 reach 90 rad, which is 14 turns and looks like \
+             degrees; angles are in radians"
                 .to_owned(),
         ),
         (
             format!("{hinge}\nlimits = [\"-inf\", 45]"),
-            "16:10: limits of joint 0 reach 45 rad, which is 7 turns and looks like degrees; angles are in \
-             radians"
+            "16:10: limits of joint 0 reach 45 rad, which is 7 turns and looks like \
+             degrees; angles are in radians"
                 .to_owned(),
         ),
     ] {
