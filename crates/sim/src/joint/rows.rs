@@ -243,7 +243,7 @@ impl Spring {
             let cosine = if squared > 0.0 { libm::cos(turn) } else { libm::cosh(turn) };
             let (a, root) = (libm::exp(-2.0 * decay), libm::exp(-decay));
             let b = (1.0 + a - 2.0 * root * cosine) / h;
-            let kept = a.min(1.0 - 1e-6);
+            let kept = a.min(1.0 - 1e-12);
             let compliance = mobility * kept / (1.0 - kept);
             return Self { compliance, gain: b / (1.0 - kept), drift, is_implicit };
         }

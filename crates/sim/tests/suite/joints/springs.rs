@@ -384,3 +384,27 @@ fn springs_that_break_give_nothing() {
         }
     }
 }
+
+/// A spring without damping swings for ever, however short the substeps are.
+#[test]
+fn short_substeps_keep_the_energy_of_springs() {
+    for preset in Preset::both() {
+        for (substeps, kind) in [8, 64, 512]
+            .into_iter()
+            .flat_map(|own| [Kind::Drive, Kind::Lock].map(|kind| (own, kind)))
+        {
+            let mut settings = preset.settings.clone();
+            (settings.substeps, settings.max_substeps) = (substeps, substeps);
+            let mut world: World3 = Preset { settings, ..preset.clone() }.weightless();
+            let (body, _) = sprung(&mut world, kind, [0.3, 4.0, 0.0]);
+            let mut highest = 0.0f32;
+            for step in 0..600 {
+                world.step(DT).unwrap();
+                let late = if step >= 480 { place(&world, body)[1] } else { 0.0 };
+                highest = highest.max(late);
+            }
+            let of = format!("{kind:?}: height after 8 s of {substeps} substeps");
+            preset.check_of(&of, f64::from(highest), 0.3, 0.6);
+        }
+    }
+}
