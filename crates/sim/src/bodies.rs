@@ -167,6 +167,18 @@ impl<const L: usize, const A: usize> Inertia<L, A> {
         if self.mass > 0.0 { 1.0 / self.mass } else { 0.0 }
     }
 
+    /// Returns true if torques rotate the body about every axis.
+    pub(crate) fn turns_freely(&self) -> bool {
+        // The trace of I I^-1 is the number of such axes.
+        let mut axes = 0.0;
+        for i in 0..A {
+            for j in 0..A {
+                axes += self.moments.entry(i, j) * self.inverse_moments.entry(j, i);
+            }
+        }
+        axes > A as f32 - 0.5
+    }
+
     /// Returns M at a pose, zero along infinite entries.
     fn mass_at<G: Geometry<L, A>>(&self, pose: &G::Pose) -> Mass<L, A> {
         Mass {

@@ -53,8 +53,9 @@ pub struct Axis<T: Real, const L: usize, const A: usize> {
     pub effective_mass: T,
 }
 
-/// Fraction of |J|^2 trace(M^-1) below which A_ii counts as zero. \[1\]
-const ROUNDING: f64 = 1e-11;
+/// Fraction of |J|^2 trace(M^-1) below which A_ii counts as zero. A locked axis of rotation that is no
+/// coordinate axis leaves some 4e-7 in M^-1, in `f32`. \[1\]
+const ROUNDING: f64 = 1e-6;
 
 impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
     /// Returns a rigid lock along a unit wrench in a frame. Along a unit vector of `linear` it
@@ -101,8 +102,9 @@ impl<T: Real, const L: usize, const A: usize> Axis<T, L, A> {
     pub fn mobility(&self, masses: &[InverseMass<T, L, A>; 2]) -> T {
         let (response, mut least) = (self.response(masses), T::ZERO);
         for (jacobian, mass) in self.jacobian.iter().zip(masses) {
-            let trace = (0..A).fold(mass.linear, |sum, i| sum + mass.angular.entry(i, i));
-            least += jacobian.dot(jacobian) * trace;
+            let trace = (0..A).fold(T::ZERO, |sum, i| sum + mass.angular.entry(i, i));
+            least += jacobian.linear.dot(jacobian.linear) * mass.linear;
+            least += jacobian.angular.dot(jacobian.angular) * trace;
         }
         let a_ii = self.jacobian[0].dot(&response[0]) + self.jacobian[1].dot(&response[1]);
         (a_ii - least * T::from_f64(ROUNDING)).choose(a_ii, T::ZERO)

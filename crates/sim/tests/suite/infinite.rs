@@ -3,7 +3,7 @@
 
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3};
-use drystone::{Inertia, Motion, StepSettings, World, World3};
+use drystone::{Inertia, Joint, Motion, StepSettings, World, World3};
 use drystone_solver::{SymmetricMatrix, Vector};
 
 /// Drops a ball beside the middle of a plate of this mass \[kg\]. Its moment about its y axis is 1
@@ -135,4 +135,56 @@ fn unstoppable_bodies_that_turn_stay_finite() {
     moves_on::<Rigid3, 3, 3>(Rigid3::capsule(0.2, 0.1), 3.0);
     moves_on::<Rigid2, 2, 1>(Rigid2::cuboid([0.2; 2]), 3.0);
     moves_on::<Rigid3, 3, 3>(Rigid3::cuboid([0.2; 3]), 3.0);
+}
+
+/// Joints do not turn a body about its locked axes, whatever they bear: it hangs on a beam from a rail, or from
+/// the world, with its principal axes turned.
+#[test]
+fn joints_respect_locked_axes() {
+    type Join = fn([Option<drystone::BodyId>; 2]) -> Joint<Rigid3, 3, 3>;
+    let joins: [Join; 4] = [Joint::fixed, Joint::ball, Joint::hinge, Joint::universal];
+    for settings in [StepSettings::certified(), StepSettings::quality(), StepSettings::realtime()] {
+        for (free, (arm, rail)) in (0..7).flat_map(|free| {
+            [([2.0, 1.0, 0.5], false), ([10.0, 0.0, 0.3], true)].map(|at| (free, at))
+        }) {
+            for join in joins {
+                let mut world: World3 = world();
+                world.settings = settings.clone();
+                let mut load = dynamic(arm, Rigid3::ball(0.3), &surface(0.5, 0.0));
+                let turn = [0.34, 0.51, 0.07, 0.79];
+                load.pose = Rigid3::pose(Vector(arm), &turn);
+                let inverse = |axis: usize| if free & 1 << axis == 0 { 0.0 } else { 10.0 };
+                let moments = [0, 1, 2].map(inverse);
+                load.inertia = Some(Inertia {
+                    mass: 1.0,
+                    center: Vector::ZERO,
+                    moments: SymmetricMatrix::diagonal(Vector(moments.map(|own| own * 0.01))),
+                    inverse_moments: SymmetricMatrix::diagonal(Vector(moments)),
+                });
+                let load = world.add(load).unwrap();
+                let mut beam = dynamic([0.0; 3], Rigid3::cuboid([0.1; 3]), &surface(0.5, 0.0));
+                beam.motion = if rail { Motion::Dynamic } else { Motion::Static };
+                let beam = world.add(weighing(beam, 1.0)).unwrap();
+                if rail {
+                    let slider = Joint::slider([Some(beam), None]).at([0.0; 3]);
+                    world.join(slider.about([0.0, 1.0, 0.0])).unwrap();
+                }
+                world.join(join([Some(load), Some(beam)]).at([0.0; 3])).unwrap();
+                for _ in 0..60 {
+                    let report = world.step(DT).unwrap();
+                    assert!(report.not_finite.is_empty(), "{free} {arm:?}");
+                }
+                let axes = Rigid3::frame(&world.pose(load).unwrap()).axes;
+                let omega = velocity(&world, load).angular;
+                for axis in (0..3).filter(|axis| free & 1 << axis == 0) {
+                    let about = axes[axis].dot(omega).abs();
+                    assert_below(
+                        &format!("turn about axis {axis} of {free} at {arm:?}"),
+                        about,
+                        1e-3,
+                    );
+                }
+            }
+        }
+    }
 }
