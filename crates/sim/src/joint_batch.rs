@@ -38,6 +38,10 @@ const LEAST_MISS: f64 = 1e-8;
 /// are planned. \[rad\]
 const WIDE_TURN: f64 = 0.2;
 
+/// Velocity by which a solve of joints may move a body that touches another one, until its contacts are
+/// solved again. \[m/s\]
+const SETTLED: f64 = 0.1;
+
 /// Time that a joint takes in a substep, over that of a block of contacts. \[1\]
 const WORK: usize = 7;
 
@@ -179,6 +183,49 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>], exact: bool) {
         let is_due = |of: &Linkage<L, A>| if exact { of.leads } else { of.touches };
         self.mechanisms.solve_those(self.linkages.iter().map(is_due), velocities);
+    }
+
+    /// Marks the bodies of the mechanisms of which the last solve has moved one that touches another body by
+    /// more than [`SETTLED`]: its contacts did not see what hangs on it. Returns true if there are any.
+    pub(crate) fn mark_unsettled<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+    ) -> bool {
+        let mut any = false;
+        bodies.unsettled.fill(false);
+        for (part, linkage) in self.mechanisms.parts().zip(&*self.linkages) {
+            let mut touched = linkage.members.iter().zip(&linkage.touched).enumerate();
+            let is_unsettled = linkage.touches
+                && touched.any(|(index, (&body, &is_touched))| {
+                    let reach = f64::from(bodies.properties.reach[body as usize].core);
+                    let change = part.change(index);
+                    let turn = change.angular.dot(change.angular) * reach * reach;
+                    is_touched && change.linear.dot(change.linear) + turn > SETTLED * SETTLED
+                });
+            if is_unsettled {
+                any = true;
+                for &body in &linkage.members {
+                    let own = (body as usize).wrapping_sub(bodies.first);
+                    if bodies.masses.get(own).is_some_and(|of| *of != InverseMass::FIXED) {
+                        bodies.unsettled[own] = true;
+                    }
+                }
+            }
+        }
+        any
+    }
+
+    /// Solves the mechanisms whose bodies have other velocities than the last solve has left.
+    pub(crate) fn solve_changed(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        let seen = &*velocities;
+        self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            linkage.aims = linkage.touches && !part.has(seen);
+            if linkage.aims {
+                part.load(seen);
+                part.solve();
+            }
+        });
+        self.mechanisms.store(self.linkages.iter().map(|of| of.aims), velocities);
     }
 
     /// Sets the targets again where contacts have changed the paths of bodies that turn fast. Returns

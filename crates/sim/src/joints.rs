@@ -22,8 +22,11 @@ use crate::report::BrokenJoint;
 /// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
 const LEAST_GRAVITY: f64 = 9.81;
 
-/// Speed of a body below which it counts as resting for its contacts. \[m/s\]
-const RESTING: f32 = 0.05;
+/// Speed of a body, relative to its mechanism, below which it counts as resting in it. \[m/s\]
+const RESTING: f64 = 0.05;
+
+/// Time for which the largest rate of turning is held: pendulums swing faster. \[s\]
+const HOLD: f64 = 4.0;
 
 /// State of joints between two steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -36,6 +39,31 @@ pub(crate) struct SavedJoints {
     pub(crate) numbers: Vec<f64>,
     last_step: f64,
     substep: f64,
+    held: HeldRate,
+}
+
+/// The largest rate at which joints have turned of late. Substeps keep its length: with long ones into a fast
+/// turn and short ones out of it mechanisms would lose energy.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub(crate) struct HeldRate {
+    /// \[rad/s\]
+    rate: f64,
+    /// Time for which it is held still. \[s\]
+    left: f64,
+}
+
+impl HeldRate {
+    /// Takes the rate at the start of a step of `dt`, and returns the one that is held: `most` at most, so that
+    /// a blow does not make all that follows slow. \[rad/s, s\]
+    pub(crate) fn hold(&mut self, rate: f64, dt: f64, most: f64) -> f64 {
+        self.left -= dt;
+        let own = rate.min(most);
+        if own >= self.rate || self.left <= 0.0 {
+            *self = Self { rate: own, left: HOLD };
+        }
+        self.rate.min(most)
+    }
 }
 
 /// A joint that can act, and which of its bodies can move.
@@ -71,6 +99,7 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     is_stale: bool,
     /// Length of the last step. \[s\]
     pub(crate) last_step: f64,
+    pub(crate) held: HeldRate,
     /// Joints whose bodies do not collide.
     separated: JointPairs,
     /// Joints with locks whose bodies collide. Bodies that stand still are [`WORLD`].
@@ -284,8 +313,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         acting.map(rate).fold(0.0, f64::max) * dt
     }
 
-    /// Finds for each body with joints whether it rests, with all that are joined to it; and which
-    /// mechanisms lead.
+    /// Finds for each body with joints whether it rests in its mechanism: all that are joined to it move as
+    /// one rigid body; and which mechanisms lead.
     pub(crate) fn find_resting<G: Geometry<L, A>>(
         &mut self,
         bodies: &Bodies<G, L, A>,
@@ -293,15 +322,8 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     ) {
         rests.clear();
         rests.resize(bodies.velocities.len(), None);
-        let squared_speed = |&body: &u32| {
-            let (velocity, reach) =
-                (&bodies.velocities[body as usize], bodies.reach[body as usize].core);
-            let turn = velocity.angular.dot(velocity.angular) * reach * reach;
-            velocity.linear.dot(velocity.linear) + turn
-        };
         for linkage in &mut self.linkages {
-            let fastest = linkage.members.iter().map(squared_speed).fold(0.0, f32::max);
-            let all_rest = fastest <= RESTING * RESTING;
+            let all_rest = linkage.is_rigid(bodies, RESTING);
             linkage.leads = linkage.meets && all_rest;
             for body in linkage.members.iter().map(|&body| body as usize) {
                 rests[body] = Some(all_rest && bodies.inverse_masses[body] != InverseMass::FIXED);
@@ -347,6 +369,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             numbers: self.taken().flat_map(rows).collect(),
             last_step: self.last_step,
             substep: self.substep,
+            held: self.held,
         }
     }
 
@@ -388,7 +411,7 @@ impl<const L: usize, const A: usize> Joints<L, A> {
                 }
             }
         }
-        (self.last_step, self.substep) = (from.last_step, from.substep);
+        (self.last_step, self.substep, self.held) = (from.last_step, from.substep, from.held);
         self.forget();
     }
 

@@ -62,6 +62,9 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     /// Velocities, v*, displacements and gains by contacts at the start of the substep, if there are joints:
     /// it may be [taken back](Self::restore_start).
     pub(crate) start: [&'a mut [Velocity<f32, L, A>]; 4],
+    /// Bodies of which [contacts and joints take turns](crate::joint_batch::JointBatch::mark_unsettled), if
+    /// there are joints.
+    pub(crate) unsettled: &'a mut [bool],
     /// M^-1 J^T gamma of the last warm start.
     pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
     pub(crate) poses: &'a mut [G::Pose],
@@ -79,7 +82,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
         [prospective, displacements, spring_gains]: [&'a mut [Velocity<f32, L, A>]; 3],
-        start: [&'a mut [Velocity<f32, L, A>]; 4],
+        (start, unsettled): ([&'a mut [Velocity<f32, L, A>]; 4], &'a mut [bool]),
         pool: &'a ThreadPool,
     ) -> Self {
         let own = bodies.in_motion();
@@ -90,6 +93,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             displacements,
             spring_gains,
             start,
+            unsettled,
             contact_gains: own.contact_gains,
             poses: own.poses,
             spin_states: own.spin_states,
@@ -111,6 +115,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         let (turned, later_turned) = self.turned.split_at_mut(count);
         let (masses, later_masses) = self.masses.split_at_mut(count);
         let (spring_gains, later_spring_gains) = split_filled(self.spring_gains, count);
+        let (unsettled, later_unsettled) = split_filled(self.unsettled, count);
         let mut later_start: [&mut [_]; 4] = Default::default();
         let mut start: [&mut [_]; 4] = Default::default();
         for (all, parts) in self.start.into_iter().zip(start.iter_mut().zip(&mut later_start)) {
@@ -127,6 +132,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             masses,
             spring_gains,
             start,
+            unsettled,
             ..self
         };
         let others = Self {
@@ -141,6 +147,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             masses: later_masses,
             spring_gains: later_spring_gains,
             start: later_start,
+            unsettled: later_unsettled,
             ..self
         };
         (first, others)

@@ -56,6 +56,9 @@ const MOST_FALL: f32 = 1.0 / 1024.0;
 /// allows. \[rad\]
 const MOST_TURN: f64 = 0.1;
 
+/// Substeps that are held when joints turn slowly again, over the least number. \[1\]
+const MOST_HELD: f64 = 2.0;
+
 /// A contact search and its part of the step.
 #[derive(Clone, Copy, Debug)]
 struct Search {
@@ -208,7 +211,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         // Each search is for at least one substep.
         let asked = self.settings.substeps.max(self.substeps_of_thinnest(dt));
         let least = dt / self.settings.max_substeps as f32;
-        let asked = asked.max(self.substeps_of_joints(0.0, [dt, least]));
+        let rate = self.held_rate(dt);
+        let asked = asked.max(self.substeps_of_joints(rate, [dt, least]));
         let substeps = asked.max(travel_ratio.ceil().min(most as f32) as u32);
         let h = dt / substeps as f32;
         let mut search = Search {
@@ -219,10 +223,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             left: substeps,
             number: 0,
             most,
-            turn_rate: 0.0,
+            turn_rate: rate,
         };
         self.fit(&mut search, travel_ratio);
         search
+    }
+
+    /// Returns the rate at which joints turn, or have turned of late, in a solve to a tolerance. \[rad/s\]
+    fn held_rate(&mut self, dt: f32) -> f64 {
+        if self.settings.tolerance <= 0.0 || self.solver.joints.is_idle() {
+            return 0.0;
+        }
+        let (time, gravity) = (f64::from(dt), f64::from(self.gravity.length()));
+        let turn = self.solver.joints.largest_turn(&self.body_places(), [time, MOST_TURN], gravity);
+        let most = MOST_HELD * MOST_TURN * f64::from(self.settings.substeps) / time;
+        self.solver.joints.held.hold(turn / time, time, most)
     }
 
     /// Begins the next search. Returns false if all substeps have been taken.
@@ -550,13 +565,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Makes room for what a part sums by body, and clears the displacements.
     fn clear_sums(&mut self) {
         let all = self.bodies.poses.len();
-        let StepScratch { displacements, prospective, spring_gains, start, .. } = &mut self.scratch;
+        let StepScratch { displacements, prospective, .. } = &mut self.scratch;
         displacements.clear();
         displacements.resize(all, Velocity::ZERO);
         self.bodies.turned.fill(false);
         // The first substep overwrites these: it computes J^T gamma from the contacts.
         prospective.resize(all, Velocity::ZERO);
         let joined = if self.solver.joints.is_idle() { 0 } else { all };
+        self.scratch.unsettled.resize(joined, false);
+        let StepScratch { spring_gains, start, .. } = &mut self.scratch;
         for own in start.iter_mut().chain([spring_gains]) {
             own.resize(joined, Velocity::ZERO);
         }

@@ -29,12 +29,14 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     /// Velocities that [standing springs](crate::joint::rows) give to bodies in a substep, if there are
     /// joints.
     pub(crate) spring_gains: Vec<Velocity<f32, L, A>>,
+    /// Bodies of which contacts and joints take turns in a substep, if there are joints.
+    pub(crate) unsettled: Vec<bool>,
     /// Displacements of a substep before bodies move, where contacts of bodies with joints need them
     /// ([`Lead`](drystone_solver::lanes::Lead)).
     pub(crate) offsets: Vec<Velocity<f32, L, A>>,
     /// Velocities at the start of the substep, for the same contacts.
     pub(crate) before: Vec<Velocity<f32, L, A>>,
-    /// For each body with joints, whether it rests then, with all that are joined to it.
+    /// For each body with joints, whether it rests in its mechanism.
     pub(crate) rests: Vec<Option<bool>>,
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
@@ -88,6 +90,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             prospective: Vec::new(),
             displacements: Vec::new(),
             spring_gains: Vec::new(),
+            unsettled: Vec::new(),
             offsets: Vec::new(),
             before: Vec::new(),
             rests: Vec::new(),

@@ -68,6 +68,9 @@ const SNAP_ROUNDS: usize = 32;
 /// joints. \[1\]
 const RELAX_ROUNDS: usize = 8;
 
+/// Largest number of rounds in which contacts and joints take turns with a few sweeps.
+const MOST_ROUNDS: usize = 32;
+
 /// Largest number of times that an impact goes on through joints to other contacts.
 const MOST_PASSES: usize = 16;
 
@@ -124,9 +127,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         contacts.renew(bodies, [params.h, params.softness])
     }
 
-    /// Solves the joints after the sweeps over contacts, without turns between them.
+    /// Solves the joints after the sweeps over contacts. They take turns where much hangs on a body that
+    /// strikes another one: contacts would bear it later, and throw it back.
     fn solve_joints(&mut self) {
         self.sweep_and_snap(false);
+        for _ in 0..MOST_ROUNDS {
+            if !self.joints.mark_unsettled(&mut self.bodies) {
+                break;
+            }
+            let MovingBodies { velocities, unsettled, .. } = &mut self.bodies;
+            self.contacts.sweep_normals_of(velocities, unsettled);
+            self.joints.solve_changed(velocities);
+        }
         self.joints.aim_again(&mut self.bodies, true);
         for taming in [Taming::Soften, Taming::Stop] {
             if !self.joints.tame(taming, &self.bodies) {
@@ -330,13 +342,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Returns all bodies and their contacts as one context.
     pub(crate) fn context(&mut self) -> SubstepContext<'_, G, L, A> {
-        let StepScratch { prospective, displacements, spring_gains, start, .. } = &mut self.scratch;
+        let StepScratch { prospective, displacements, spring_gains, start, unsettled, .. } =
+            &mut self.scratch;
         let ConstraintSolver { lanes, joints, .. } = &mut self.solver;
         let contacts = lanes.whole(&mut self.contacts.cache.impulses);
         let of_bodies = [prospective, displacements, spring_gains].map(Vec::as_mut_slice);
         let start = start.each_mut().map(Vec::as_mut_slice);
         let pool = &self.execution.pool;
-        let bodies = MovingBodies::new(&mut self.bodies, of_bodies, start, pool);
+        let bodies = MovingBodies::new(&mut self.bodies, of_bodies, (start, unsettled), pool);
         SubstepContext { contacts, joints: joints.batch(), bodies }
     }
 

@@ -444,6 +444,14 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
         self.mechanism.take(self.first, velocities);
     }
 
+    /// Returns true if its bodies have these velocities.
+    pub fn has(&self, velocities: &[Velocity<f32, L, A>]) -> bool {
+        let own = self.mechanism.bodies.iter().zip(&self.mechanism.places).enumerate();
+        own.filter(|(_, (_, place))| **place != FIXED).all(|(index, (&body, _))| {
+            of_batch(velocities, self.first, body) == self.velocity(index)
+        })
+    }
+
     /// Takes bodies that stand still.
     pub fn stop(&mut self) {
         self.mechanism.take(0, &[]);
@@ -452,6 +460,16 @@ impl<const L: usize, const A: usize> MechanismPart<'_, L, A> {
     /// Returns the velocity of a body of the mechanism.
     pub fn velocity(&self, index: usize) -> Velocity<f32, L, A> {
         self.mechanism.velocity(index)
+    }
+
+    /// Returns by how much the last visit has changed the velocity of a body of the mechanism.
+    pub fn change(&self, index: usize) -> Velocity<f64, L, A> {
+        let of = |numbers: &[f64]| Velocity::<f64, L, A> {
+            linear: Vector(std::array::from_fn(|i| numbers[i])),
+            angular: Vector(std::array::from_fn(|i| numbers[L + i])),
+        };
+        let own = index * (L + A)..(index + 1) * (L + A);
+        of(&self.mechanism.velocities[own.clone()]) - of(&self.mechanism.start[own])
     }
 
     /// Visits the mechanism, from the velocities that it has.

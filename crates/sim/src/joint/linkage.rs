@@ -13,7 +13,7 @@ use super::places::{flattened, in_space};
 use super::record::{JointRecord, WORLD};
 use super::rows::{Motion, Role, RowParams, RowPlan, RowState};
 use super::tension::{self, Pulls};
-use crate::bodies::{BodyView, Inertia};
+use crate::bodies::{Bodies, BodyView, Inertia};
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::ledger::JointRow;
 use crate::motion::{MovingBodies, SMALL_TURN};
@@ -36,6 +36,12 @@ const FAST_TURN: f32 = 0.005;
 
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
+
+/// Largest stretch of a lock over the size of its mechanism. \[1\]
+const MOST_STRETCH: f64 = 1e-5;
+
+/// Size up to which a mechanism is a point. \[m\]
+const POINT: f64 = 1e-6;
 
 /// Relative error of the velocity along a row: velocities are rounded to `f32`. \[1\]
 const ROUNDING: f64 = 1.0 / (1 << 23) as f64;
@@ -290,6 +296,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         if self.is_apart {
             self.params.iter_mut().for_each(|params| params.repair[0] = 0.0);
         }
+        let size = self.size(at, high - low);
+        let stretch = if size > POINT { stretch.min(MOST_STRETCH * size) } else { stretch };
         let loaded = self.drive_force().max(1.0 / self.compliance);
         let [turning, fastest] = self.turning(at);
         let rounding = (ROUNDING * fastest / RESIDUAL).powi(2);
@@ -324,6 +332,30 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         })
     }
 
+    /// Returns true if its bodies move together, within this `speed` \[m/s\]: with the world, or as one rigid
+    /// body with a member that cannot be moved. Without such a member they keep their directions, with the
+    /// velocity of the heaviest one: figures that tumble would gain energy.
+    pub(crate) fn is_rigid<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>, speed: f64) -> bool {
+        let mass = |body: u32| bodies.inverse_masses[body as usize];
+        let place = |body: u32| in_space(bodies.frames[body as usize].position);
+        let by_mobility = |a: &&u32, b: &&u32| mass(**a).linear.total_cmp(&mass(**b).linear);
+        let holds_world = self.records.iter().any(|record| record.bodies.contains(&WORLD));
+        let (mut center, mut linear, mut omega) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
+        if let Some(&lead) = self.members.iter().min_by(by_mobility).filter(|_| !holds_world) {
+            let velocity = bodies.velocities[lead as usize];
+            (center, linear) = (place(lead), in_space(velocity.linear));
+            if mass(lead) == InverseMass::FIXED {
+                omega = in_space(velocity.angular);
+            }
+        }
+        self.members.iter().all(|&body| {
+            let (own, reach) = (bodies.velocities[body as usize], bodies.reach[body as usize].core);
+            let slip = in_space(own.linear) - linear - cross(omega, place(body) - center);
+            let turn = (in_space(own.angular) - omega) * f64::from(reach);
+            slip.dot(slip) + turn.dot(turn) <= speed * speed
+        })
+    }
+
     /// Returns true if joints make loops. Then loads depend on the compliances of locks.
     pub(super) fn has_loops<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
         let moving = self.members.iter().filter(|body| at.inverse_mass(**body).linear > 0.0);
@@ -339,6 +371,22 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             let low = from_fn(|i| low[i].min(position[i]));
             [Vector(low), Vector(from_fn(|i| high[i].max(position[i])))]
         })
+    }
+
+    /// Returns the size of the mechanism whose centers of mass have this `extent`, with its longest arm and its
+    /// largest body. \[m\]
+    fn size<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>, extent: Vec3) -> f64 {
+        let mut size = extent.length();
+        for (sides, arms) in self.sides.iter().zip(&self.arms) {
+            for (&side, arm) in sides.iter().zip(arms) {
+                let body = self.members[side];
+                if at.inverse_mass(body).linear > 0.0 {
+                    let reach = f64::from(at.properties.reach[body as usize].core);
+                    size = size.max(arm.length()).max(reach);
+                }
+            }
+        }
+        size
     }
 
     /// Returns the largest force of a drive in the last substep. \[N\]
@@ -537,6 +585,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         self.find_pulls(&bodies.view(), part.axes);
         self.true_masses.clear();
         for (&body, pulled) in self.members.iter().zip(&self.pulled) {
+            // A locked axis has no inertia to add to.
+            if !bodies.properties.inertia[body as usize].turns_freely() {
+                continue;
+            }
             let Some(of) = pulled.stiffness() else { continue };
             let mass = bodies.view().mass(body).angular;
             let Some(surplus) = tension::surplus(&of, &mass, self.substep) else { continue };

@@ -1,6 +1,7 @@
 //! Tests of joints against closed forms: motion, forces and energy, as for bakes and in real time.
 
 mod apart;
+mod blows;
 mod drives;
 mod extremes;
 mod held;

@@ -164,6 +164,13 @@ pub(crate) trait Passes<const L: usize, const A: usize>: Debug + Sync {
         targets: Option<&Targets<'_, f32, L, A>>,
     );
 
+    fn sweep_normals_of(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        velocities: &mut Velocities<L, A>,
+        bodies: &[bool],
+    );
+
     fn sweep(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
 
     /// `terms` are the length of the substep \[s\] and the softness.

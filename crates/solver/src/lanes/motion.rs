@@ -104,7 +104,7 @@ pub struct Lead<'a, const L: usize, const A: usize> {
     pub offsets: &'a [Velocity<f32, L, A>],
     /// Velocities at the start of the substep. What slides or strikes has no place to keep.
     pub velocities: &'a [Velocity<f32, L, A>],
-    /// For each body with joints, whether it rests, with all that are joined to it.
+    /// For each body with joints, whether it rests in its mechanism.
     pub rests: &'a [Option<bool>],
     /// Parameters with which targets have been set.
     pub repair: Repair<f32>,

@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{LaneBatch, Passes, Velocities, View};
-use super::block::{Block, splat};
+use super::block::{Block, choose, splat};
 use super::conjugate::{Conjugate, of};
 use super::motion::{Landing, MovedBodies, Targets, land, renew};
 use super::sweep::{BlockSweep, BlocksMut, ReadSweep};
@@ -18,7 +18,11 @@ use crate::certificate::{Certificate, CertificateScratch, ManifoldTerms};
 use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::island::Islands;
 use crate::thread_pool::DisjointSlice;
-use crate::{Contact, Repair, SurfaceEffects, Velocity, nncg};
+use crate::{Contact, Repair, SurfaceEffects, Vector, Velocity, nncg};
+
+/// Points of a manifold that keep their impulses where it is not due; a manifold with more of them is swept
+/// with its neighbors.
+const MOST_POINTS: usize = 8;
 
 /// Grain size of the pass over the bodies in a certificate.
 const CERTIFICATE_GRAIN: usize = 16;
@@ -40,6 +44,12 @@ impl<const L: usize, const A: usize> LaneBatch<'_, L, A> {
     /// Sweeps once over the normals as [`pgs::sweep_coming`](crate::pgs::sweep_coming) does.
     pub fn sweep_normals(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         self.passes.sweep_normals(self, velocities, None);
+    }
+
+    /// Sweeps once over the normals of those contacts which touch one of these `bodies` of the batch. The
+    /// others do not change by a bit.
+    pub fn sweep_normals_of(&mut self, velocities: &mut [Velocity<f32, L, A>], bodies: &[bool]) {
+        self.passes.sweep_normals_of(self, velocities, bodies);
     }
 
     /// Sets the targets as [`System::set_targets`](crate::System::set_targets) does and sweeps once
@@ -245,6 +255,44 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
                     targets.set(at.block, points, moving);
                 }
                 at.visit::<RIGID_APART, false>(points, false);
+            },
+        );
+    }
+
+    fn sweep_normals_of(
+        &self,
+        batch: &mut LaneBatch<'_, L, A>,
+        velocities: &mut Velocities<L, A>,
+        bodies: &[bool],
+    ) {
+        let first = batch.bodies.start;
+        let is_due = |body: u32| bodies.get((body as usize).wrapping_sub(first)) == Some(&true);
+        BlockSweep::<V, L, A>::new(batch, velocities).each(
+            #[inline(always)]
+            |mut at| {
+                let [a, b] = at.block.bodies;
+                let due = std::array::from_fn(|lane| {
+                    let is_due = is_due(a[lane]) || is_due(b[lane]);
+                    if is_due { 1.0 } else { 0.0 }
+                });
+                if due.iter().all(|own| *own == 0.0) {
+                    return;
+                }
+                let (due, points) = (V::from_array(due), at.points());
+                let before: [Velocity<V, L, A>; 2] = at.gather();
+                let mut impulses = [Vector::ZERO; MOST_POINTS];
+                for (kept, contact) in impulses.iter_mut().zip(&*points) {
+                    *kept = contact.impulse;
+                }
+                at.visit::<RIGID_APART, false>(points, false);
+                for (kept, contact) in impulses.iter().zip(points) {
+                    contact.impulse = choose(due, contact.impulse, *kept);
+                }
+                let after: [Velocity<V, L, A>; 2] = at.gather();
+                at.scatter([0, 1].map(|side: usize| Velocity {
+                    linear: choose(due, after[side].linear, before[side].linear),
+                    angular: choose(due, after[side].angular, before[side].angular),
+                }));
             },
         );
     }

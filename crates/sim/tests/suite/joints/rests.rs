@@ -73,6 +73,43 @@ fn boxes_stay_on_what_joints_hold() {
     }
 }
 
+/// What lies on a plank that is joined to a lift stays on it, however fast the lift moves or turns.
+#[test]
+fn boxes_stay_on_what_moves() {
+    let motions = [(0.03, 0.0), (0.1, 0.0), (0.5, 0.0), (3.0, 0.0), (0.0, 0.5), (1.0, 0.3)];
+    for preset in all() {
+        for (mass, (speed, turn)) in
+            [1.0, 5.0].into_iter().flat_map(|own| motions.map(|of| (own, of)))
+        {
+            let mut world: World3 = preset.world();
+            let rough = surface(0.8, 0.0);
+            let lift = body(Motion::Kinematic, [0.0, -0.3, 0.0], Rigid3::cuboid([0.2; 3]), &rough);
+            let lift = world.add(lift).unwrap();
+            let along = [speed, 0.4 * speed, 0.0];
+            let twist = Velocity { linear: Vector(along), angular: Vector([0.0, turn, 0.0]) };
+            world.set_velocity(lift, twist).unwrap();
+            let mut add = |at, half, mass| {
+                let mut part = weighing(dynamic(at, Rigid3::cuboid(half), &rough), mass);
+                part.velocity = Velocity {
+                    linear: Vector([along[0], along[1], -turn * at[0]]),
+                    angular: twist.angular,
+                };
+                world.add(part).unwrap()
+            };
+            let plank = add([0.0, 0.0, 0.0], [0.6, 0.05, 0.4], mass);
+            let load = add([0.3, 0.15, 0.0], [0.1, 0.1, 0.1], 1.0);
+            world.join(Joint::fixed([Some(plank), Some(lift)]).at([0.0, -0.1, 0.0])).unwrap();
+            let apart = |world: &World3| (place(world, load) - place(world, plank)).length();
+            run(&mut world, 1.0);
+            let before = apart(&world);
+            run(&mut world, 1.0);
+            let creep = f64::from((apart(&world) - before).abs());
+            let of = format!("creep on {mass} kg at {speed} m/s and {turn} rad/s");
+            preset.below(&of, creep, if turn > 0.0 { 2e-4 } else { 2e-5 });
+        }
+    }
+}
+
 /// Two fingers on sliders press a box with 1.5 times the force that friction needs.
 #[test]
 fn fingers_hold_a_box() {
