@@ -231,7 +231,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Returns the rate at which joints turn, or have turned of late, in a solve to a tolerance. \[rad/s\]
     fn held_rate(&mut self, dt: f32) -> f64 {
-        if self.settings.tolerance <= 0.0 || self.solver.joints.is_idle() {
+        // Those that act are not yet known to a world that has just been restored.
+        if self.settings.tolerance <= 0.0 || !self.solver.joints.exist() {
             return 0.0;
         }
         let (time, gravity) = (f64::from(dt), f64::from(self.gravity.length()));
