@@ -96,8 +96,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// q of each row of a joint, and the angles with their turns of each axis. \[m, or rad\]
     values: Vec<f64>,
     turns: Vec<[f64; 2]>,
-    /// True if it has springs, motors or friction. [Those that stand](super::rows) at the start of a substep and at its end, by the index of their
-    /// joint; and by member the wrenches of springs. \[N s, N m s\]
+    /// True if it has springs, motors or friction. [Those that stand](super::rows) at the start of a substep
+    /// and at its end, by the index of their joint; and by member the wrenches of springs. \[N s, N m s\]
     pub(crate) has_springs: bool,
     pub(crate) springs: [Vec<(usize, JointRow<L, A>)>; 2],
     pub(crate) wrenches: Vec<Velocity<f64, L, A>>,

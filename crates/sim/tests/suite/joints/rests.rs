@@ -73,7 +73,7 @@ fn boxes_stay_on_what_joints_hold() {
     }
 }
 
-/// What lies on a plank that is joined to a lift stays on it, however fast the lift moves or turns.
+/// A box on a plank that is joined to a lift stays there, however fast the lift moves or turns.
 #[test]
 fn boxes_stay_on_what_moves() {
     let motions = [(0.03, 0.0), (0.1, 0.0), (0.5, 0.0), (3.0, 0.0), (0.0, 0.5), (1.0, 0.3)];
