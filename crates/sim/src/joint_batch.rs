@@ -109,7 +109,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
     ) {
-        bodies.spring_gains.fill(Velocity::ZERO);
+        bodies.standing_gains.fill(Velocity::ZERO);
         self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part));
     }
 
@@ -125,6 +125,37 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     fn sprung(&mut self) -> impl Iterator<Item = (MechanismPart<'_, L, A>, &mut Linkage<L, A>)> {
         let all = self.mechanisms.parts().zip(self.linkages.iter_mut());
         all.filter(|(_, linkage)| linkage.has_springs)
+    }
+
+    /// Subtracts h p / 2 from the displacements of bodies with joints. p is what contacts and springs give
+    /// them in each substep, less what joints take of it again in an `exact` solve: a light body between a
+    /// heavy one and the floor would be displaced by h^2 / 2 times a large acceleration that it does not
+    /// have.
+    pub(crate) fn offset_displacements<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        (params, exact): (&SubstepParams<L>, bool),
+    ) {
+        if exact {
+            self.bear(bodies.standing_gains);
+        }
+        for (moved, gain) in bodies.displacements.iter_mut().zip(&*bodies.standing_gains) {
+            *moved -= *gain * (0.5 * params.h);
+        }
+    }
+
+    /// Leaves of the velocities that bodies of touched mechanisms gain in each substep what joints allow:
+    /// p + M^-1 J^T lambda, where lambda is as in a solve of the joints with all targets 0.
+    fn bear(&mut self, gains: &mut [Velocity<f32, L, A>]) {
+        let seen = &*gains;
+        self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            if linkage.touches {
+                linkage.begin_bearing(&mut part);
+                part.load(seen);
+                part.solve();
+            }
+        });
+        self.mechanisms.store(self.linkages.iter().map(|of| of.touches), gains);
     }
 
     /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
@@ -178,11 +209,9 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         self.mechanisms.solve_those(self.linkages.iter().map(|of| of.aims), velocities);
     }
 
-    /// Solves the mechanisms of which a body touches another one; of an `exact` solve only those that
-    /// rest ([`Lead`](drystone_solver::lanes::Lead)).
-    pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>], exact: bool) {
-        let is_due = |of: &Linkage<L, A>| if exact { of.leads } else { of.touches };
-        self.mechanisms.solve_those(self.linkages.iter().map(is_due), velocities);
+    /// Solves the mechanisms of which a body touches another one.
+    pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
+        self.mechanisms.solve_those(self.linkages.iter().map(|of| of.touches), velocities);
     }
 
     /// Marks the bodies of the mechanisms of which the last solve has moved one that touches another body by

@@ -44,19 +44,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             joints.pairs().flatten().for_each(|body| has_joint[body as usize] = true);
         }
         if !joints.is_idle() {
-            let StepScratch { touched, met, .. } = &mut self.scratch;
-            for of_bodies in [&mut *touched, &mut *met] {
-                of_bodies.clear();
-                of_bodies.resize(self.bodies.poses.len(), false);
+            let touched = &mut self.scratch.touched;
+            touched.clear();
+            touched.resize(self.bodies.poses.len(), false);
+            for body in self.contacts.cache.pairs().flatten() {
+                touched[body as usize] = self.bodies.is_dynamic(body as usize);
             }
-            for pair in self.contacts.cache.pairs() {
-                let [a, b] = pair.map(|body| body as usize);
-                for (body, other) in [(a, b), (b, a)] {
-                    touched[body] = self.bodies.is_dynamic(body);
-                    met[body] |= touched[body] && !self.bodies.has_joint[other];
-                }
-            }
-            joints.find_touching(|body| [touched[body as usize], met[body as usize]]);
+            joints.find_touching(|body| touched[body as usize]);
         }
         rejoined
     }

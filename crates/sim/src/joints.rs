@@ -22,9 +22,6 @@ use crate::report::BrokenJoint;
 /// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
 const LEAST_GRAVITY: f64 = 9.81;
 
-/// Speed of a body, relative to its mechanism, below which it counts as resting in it. \[m/s\]
-const RESTING: f64 = 0.05;
-
 /// Time for which the largest rate of turning is held: pendulums swing faster. \[s\]
 const HOLD: f64 = 4.0;
 
@@ -235,13 +232,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
     }
 
     /// Finds the bodies that touch others, and the mechanisms of which one touches one without joints.
-    pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> [bool; 2]) {
+    pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> bool) {
         for linkage in &mut self.linkages {
-            linkage.meets = false;
             for (touched, &body) in linkage.touched.iter_mut().zip(&linkage.members) {
-                let [touches, meets] = touches(body);
-                *touched = touches;
-                linkage.meets |= meets;
+                *touched = touches(body);
             }
             linkage.touches = linkage.touched.contains(&true);
         }
@@ -311,24 +305,6 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let acting = self.taken().filter(|(_, own)| own.enabled && !own.broken);
         let rate = |(_, record)| turning::rate(record, at, [Turn::NONE; 2], [dt, least], gravity);
         acting.map(rate).fold(0.0, f64::max) * dt
-    }
-
-    /// Finds for each body with joints whether it rests in its mechanism: all that are joined to it move as
-    /// one rigid body; and which mechanisms lead.
-    pub(crate) fn find_resting<G: Geometry<L, A>>(
-        &mut self,
-        bodies: &Bodies<G, L, A>,
-        rests: &mut Vec<Option<bool>>,
-    ) {
-        rests.clear();
-        rests.resize(bodies.velocities.len(), None);
-        for linkage in &mut self.linkages {
-            let all_rest = linkage.is_rigid(bodies, RESTING);
-            linkage.leads = linkage.meets && all_rest;
-            for body in linkage.members.iter().map(|&body| body as usize) {
-                rests[body] = Some(all_rest && bodies.inverse_masses[body] != InverseMass::FIXED);
-            }
-        }
     }
 
     /// Returns true if a joint that acts may break.

@@ -57,8 +57,8 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) prospective: &'a mut [Velocity<f32, L, A>],
     /// Displacements since the part began.
     pub(crate) displacements: &'a mut [Velocity<f32, L, A>],
-    /// Velocities that springs give to bodies in the substep, if there are joints.
-    pub(crate) spring_gains: &'a mut [Velocity<f32, L, A>],
+    /// Velocities that springs and contacts give to bodies with joints in each substep, if there are joints.
+    pub(crate) standing_gains: &'a mut [Velocity<f32, L, A>],
     /// Velocities, v*, displacements and gains by contacts at the start of the substep, if there are joints:
     /// it may be [taken back](Self::restore_start).
     pub(crate) start: [&'a mut [Velocity<f32, L, A>]; 4],
@@ -81,7 +81,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// Returns all bodies.
     pub(crate) fn new(
         bodies: &'a mut Bodies<G, L, A>,
-        [prospective, displacements, spring_gains]: [&'a mut [Velocity<f32, L, A>]; 3],
+        [prospective, displacements, standing_gains]: [&'a mut [Velocity<f32, L, A>]; 3],
         (start, unsettled): ([&'a mut [Velocity<f32, L, A>]; 4], &'a mut [bool]),
         pool: &'a ThreadPool,
     ) -> Self {
@@ -91,7 +91,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             velocities: own.velocities,
             prospective,
             displacements,
-            spring_gains,
+            standing_gains,
             start,
             unsettled,
             contact_gains: own.contact_gains,
@@ -114,7 +114,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         let (spin_states, later_spin_states) = self.spin_states.split_at_mut(count);
         let (turned, later_turned) = self.turned.split_at_mut(count);
         let (masses, later_masses) = self.masses.split_at_mut(count);
-        let (spring_gains, later_spring_gains) = split_filled(self.spring_gains, count);
+        let (standing_gains, later_standing_gains) = split_filled(self.standing_gains, count);
         let (unsettled, later_unsettled) = split_filled(self.unsettled, count);
         let mut later_start: [&mut [_]; 4] = Default::default();
         let mut start: [&mut [_]; 4] = Default::default();
@@ -130,7 +130,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             spin_states,
             turned,
             masses,
-            spring_gains,
+            standing_gains,
             start,
             unsettled,
             ..self
@@ -145,7 +145,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             spin_states: later_spin_states,
             turned: later_turned,
             masses: later_masses,
-            spring_gains: later_spring_gains,
+            standing_gains: later_standing_gains,
             start: later_start,
             unsettled: later_unsettled,
             ..self
@@ -247,41 +247,45 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// Subtracts h p / 2 from the displacements. p is the constant part of M^-1 J^T gamma: the part
     /// that the warm starts of this substep and of the previous one have in common. So sliding,
     /// rolling and rocking bodies move with second-order accuracy in h, too. An impact has no
-    /// constant part. What joints take of it again is not in p: a light body between a heavy one and
-    /// the floor would be displaced by h^2 / 2 times a large acceleration that it does not have. So
-    /// of p of bodies with joints counts only what is [borne](borne) by themselves, or by springs. These
-    /// add their own gains to p. Returns true if any body rotates
-    /// ([`kinematics`](drystone_solver::kinematics)).
-    pub(crate) fn offset_displacements(&mut self, params: &SubstepParams<L>) -> bool {
+    /// constant part. Of bodies with joints p is added to the gains by springs: joints take of it again
+    /// what they [bear](crate::joint_batch::JointBatch::offset_displacements). If the solve is not `exact`,
+    /// only what is [borne](borne) by bodies themselves, or by springs, is added. Returns true if any body
+    /// rotates ([`kinematics`](drystone_solver::kinematics)).
+    pub(crate) fn offset_displacements(&mut self, params: &SubstepParams<L>, exact: bool) -> bool {
         let SubstepParams { gravity, h, .. } = *params;
+        let (first, properties) = (self.first, self.properties);
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
         let moved = self.velocities.chunks(share).zip(self.prospective.chunks(share));
         let moved = moved.zip(self.displacements.chunks_mut(share));
+        let mut standing = self.standing_gains.chunks_mut(share);
+        let gains = self.contact_gains.chunks_mut(share);
+        let gains = gains.map(|own| (own, standing.next().unwrap_or_default()));
         let turning = AtomicBool::new(false);
-        let (first, properties, springs) = (self.first, self.properties, &*self.spring_gains);
         self.pool.for_each(
             useful,
-            moved.zip(self.contact_gains.chunks_mut(share)).enumerate(),
-            |(part, (moved, contact_gains))| {
+            moved.zip(gains).enumerate(),
+            |(part, (moved, (contact_gains, standing)))| {
                 let ((velocities, prospective), displacements) = moved;
                 let moved = velocities.iter().zip(prospective).zip(displacements);
-                let mut any = false;
+                let (mut any, mut standing) = (false, standing.iter_mut());
                 for (body, (((velocity, prospective), displacement), contact_gain)) in
                     (first + share * part..).zip(moved.zip(contact_gains))
                 {
                     any |= needs_renewal(velocity.angular);
                     let now = *velocity - *prospective;
                     let before = std::mem::replace(contact_gain, now);
-                    let mut constant = Velocity {
+                    let constant = Velocity {
                         linear: common(now.linear, before.linear),
                         angular: common(now.angular, before.angular),
                     };
-                    if properties.has_joint(body) {
-                        let spring = springs.get(body - first).copied().unwrap_or_default();
-                        let weight = properties.gravity_on(body, gravity).length() * h;
-                        constant = constant * borne(&constant, &spring, weight, h) + spring;
+                    match standing.next() {
+                        Some(standing) if properties.has_joint(body) => {
+                            let weight = properties.gravity_on(body, gravity).length() * h;
+                            let borne = || borne(&constant, standing, weight, h);
+                            *standing += constant * if exact { 1.0 } else { borne() };
+                        }
+                        _ => *displacement -= constant * (0.5 * h),
                     }
-                    *displacement -= constant * (0.5 * h);
                 }
                 if any {
                     turning.store(true, Ordering::Relaxed);

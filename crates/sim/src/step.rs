@@ -574,8 +574,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         prospective.resize(all, Velocity::ZERO);
         let joined = if self.solver.joints.is_idle() { 0 } else { all };
         self.scratch.unsettled.resize(joined, false);
-        let StepScratch { spring_gains, start, .. } = &mut self.scratch;
-        for own in start.iter_mut().chain([spring_gains]) {
+        let StepScratch { standing_gains, start, .. } = &mut self.scratch;
+        for own in start.iter_mut().chain([standing_gains]) {
             own.resize(joined, Velocity::ZERO);
         }
     }

@@ -28,7 +28,7 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) displacements: Vec<Velocity<f32, L, A>>,
     /// Velocities that [standing springs](crate::joint::rows) give to bodies in a substep, if there are
     /// joints.
-    pub(crate) spring_gains: Vec<Velocity<f32, L, A>>,
+    pub(crate) standing_gains: Vec<Velocity<f32, L, A>>,
     /// Bodies of which contacts and joints take turns in a substep, if there are joints.
     pub(crate) unsettled: Vec<bool>,
     /// Displacements of a substep before bodies move, where contacts of bodies with joints need them
@@ -36,8 +36,6 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) offsets: Vec<Velocity<f32, L, A>>,
     /// Velocities at the start of the substep, for the same contacts.
     pub(crate) before: Vec<Velocity<f32, L, A>>,
-    /// For each body with joints, whether it rests in its mechanism.
-    pub(crate) rests: Vec<Option<bool>>,
     /// Velocity changes by forces, in a substep in which bodies may bounce.
     pub(crate) force_gains: Vec<Velocity<f32, L, A>>,
     /// Velocities, v*, displacements and gains by contacts at the start of a substep, if there are joints.
@@ -49,8 +47,6 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     pub(crate) renewed: Vec<bool>,
     /// By body: true if it is dynamic and has contacts.
     pub(crate) touched: Vec<bool>,
-    /// By body: true if it touches one without joints.
-    pub(crate) met: Vec<bool>,
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of the last step, if they are recorded.
     pub(crate) impulses: ImpulseRecord<L, A>,
@@ -89,18 +85,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for StepScratch<
             patches: Patches::default(),
             prospective: Vec::new(),
             displacements: Vec::new(),
-            spring_gains: Vec::new(),
+            standing_gains: Vec::new(),
             unsettled: Vec::new(),
             offsets: Vec::new(),
             before: Vec::new(),
-            rests: Vec::new(),
             force_gains: Vec::new(),
             start: Default::default(),
             part: PartStart::default(),
             read_masses: Vec::new(),
             renewed: Vec::new(),
             touched: Vec::new(),
-            met: Vec::new(),
             ledger: LedgerBuilder::default(),
             impulses: ImpulseRecord::default(),
         }

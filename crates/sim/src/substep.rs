@@ -99,7 +99,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         } else {
             self.bodies.reapply_gains();
         }
-        self.bodies.offset_displacements(&plan.params)
+        let (params, exact) = (&plan.params, plan.solving);
+        let turning = self.bodies.offset_displacements(params, exact);
+        self.joints.offset_displacements(&mut self.bodies, (params, exact));
+        turning
     }
 
     /// Sweeps over the normals towards the targets. `turning` is true if any body rotates.
@@ -175,9 +178,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         self.joints.end_springs(&mut self.bodies);
         self.joints.begin_relaxing();
         let touch = self.joints.touch();
-        if touch {
+        if touch && !exact {
             // Contacts see bodies that joints have stopped.
-            self.joints.solve_touching(self.bodies.velocities, exact);
+            self.joints.solve_touching(self.bodies.velocities);
         }
         timer.lap(Stage::Joints);
         let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
@@ -342,11 +345,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
 
     /// Returns all bodies and their contacts as one context.
     pub(crate) fn context(&mut self) -> SubstepContext<'_, G, L, A> {
-        let StepScratch { prospective, displacements, spring_gains, start, unsettled, .. } =
+        let StepScratch { prospective, displacements, standing_gains, start, unsettled, .. } =
             &mut self.scratch;
         let ConstraintSolver { lanes, joints, .. } = &mut self.solver;
         let contacts = lanes.whole(&mut self.contacts.cache.impulses);
-        let of_bodies = [prospective, displacements, spring_gains].map(Vec::as_mut_slice);
+        let of_bodies = [prospective, displacements, standing_gains].map(Vec::as_mut_slice);
         let start = start.each_mut().map(Vec::as_mut_slice);
         let pool = &self.execution.pool;
         let bodies = MovingBodies::new(&mut self.bodies, of_bodies, (start, unsettled), pool);
@@ -442,10 +445,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let (collisions, broken) = (report.collisions, self.solver.joints.snapped());
         let leads = plan.solving && self.solver.joints.touch();
         if leads {
-            let StepScratch { displacements, offsets, before, rests, .. } = &mut self.scratch;
+            let StepScratch { displacements, offsets, before, .. } = &mut self.scratch;
             offsets.clone_from(displacements);
             before.clone_from(&self.bodies.velocities);
-            self.solver.joints.find_resting(&self.bodies, rests);
         }
         self.accelerate(plan, renewed, timer, report);
         let mut context = self.context();
@@ -561,10 +563,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.context().run_belts(params, substep);
         }
         if plan.solving && self.solver.joints.touch() {
-            let StepScratch { displacements, offsets, before: velocities, rests, .. } =
-                &self.scratch;
-            let repair = params.repair;
-            self.solver.lanes.lead(&Lead { displacements, offsets, velocities, rests, repair });
+            let StepScratch { displacements, offsets, before: velocities, .. } = &self.scratch;
+            let (joined, repair) = (&self.bodies.has_joint, params.repair);
+            self.solver.lanes.lead(&Lead { displacements, offsets, velocities, joined, repair });
         }
         if saving {
             self.save(params.h);

@@ -13,7 +13,7 @@ use super::places::{flattened, in_space};
 use super::record::{JointRecord, WORLD};
 use super::rows::{Motion, Role, RowParams, RowPlan, RowState};
 use super::tension::{self, Pulls};
-use crate::bodies::{Bodies, BodyView, Inertia};
+use crate::bodies::{BodyView, Inertia};
 use crate::geometry::{Geometry, PRECESS_LANES, Spin};
 use crate::ledger::JointRow;
 use crate::motion::{MovingBodies, SMALL_TURN};
@@ -108,11 +108,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) true_masses: Vec<(u32, InverseMass<f32, L, A>)>,
     /// By member: true if it is dynamic and touches another body.
     pub(crate) touched: Vec<bool>,
-    /// True if a body touches another one; and if it touches one without joints.
+    /// True if a body touches another one.
     pub(crate) touches: bool,
-    pub(crate) meets: bool,
-    /// True if it meets one while all its bodies are slow.
-    pub(crate) leads: bool,
     /// True if the targets are to follow the path that the joints leave.
     pub(crate) aims: bool,
     /// True if joints are far from their places (`repair.rs`); and if repair moves bodies so far that they
@@ -174,8 +171,6 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             true_masses: Vec::with_capacity(count),
             touched: vec![false; count],
             touches: false,
-            meets: false,
-            leads: false,
             aims: false,
             is_apart: false,
             repairs: false,
@@ -324,35 +319,23 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         self.rows().zip(&self.params).any(far)
     }
 
+    /// Gives each row the [law](Role::bearing_law) by which it bears what bodies gain in each substep.
+    pub(crate) fn begin_bearing(&self, part: &mut MechanismPart<'_, L, A>) {
+        let mut rows = part.axes.iter_mut().zip(&self.params);
+        for record in &self.records {
+            for (plan, state) in record.rows.iter().zip(&record.states) {
+                let Some((axis, params)) = rows.next() else { break };
+                axis.law = plan.role.bearing_law(state, params, record.broken);
+                axis.impulse = 0.0;
+            }
+        }
+    }
+
     /// Returns the rows, with their joints and states.
     pub(super) fn rows(&self) -> impl Iterator<Item = (&JointRecord, &RowPlan, &RowState)> {
         self.records.iter().flat_map(|record| {
             let own = record.rows.iter().zip(&record.states);
             own.map(move |(plan, state)| (record, plan, state))
-        })
-    }
-
-    /// Returns true if its bodies move together, within this `speed` \[m/s\]: with the world, or as one rigid
-    /// body with a member that cannot be moved. Without such a member they keep their directions, with the
-    /// velocity of the heaviest one: figures that tumble would gain energy.
-    pub(crate) fn is_rigid<G: Geometry<L, A>>(&self, bodies: &Bodies<G, L, A>, speed: f64) -> bool {
-        let mass = |body: u32| bodies.inverse_masses[body as usize];
-        let place = |body: u32| in_space(bodies.frames[body as usize].position);
-        let by_mobility = |a: &&u32, b: &&u32| mass(**a).linear.total_cmp(&mass(**b).linear);
-        let holds_world = self.records.iter().any(|record| record.bodies.contains(&WORLD));
-        let (mut center, mut linear, mut omega) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO);
-        if let Some(&lead) = self.members.iter().min_by(by_mobility).filter(|_| !holds_world) {
-            let velocity = bodies.velocities[lead as usize];
-            (center, linear) = (place(lead), in_space(velocity.linear));
-            if mass(lead) == InverseMass::FIXED {
-                omega = in_space(velocity.angular);
-            }
-        }
-        self.members.iter().all(|&body| {
-            let (own, reach) = (bodies.velocities[body as usize], bodies.reach[body as usize].core);
-            let slip = in_space(own.linear) - linear - cross(omega, place(body) - center);
-            let turn = (in_space(own.angular) - omega) * f64::from(reach);
-            slip.dot(slip) + turn.dot(turn) <= speed * speed
         })
     }
 

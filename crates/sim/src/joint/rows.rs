@@ -456,6 +456,27 @@ impl Role {
         Interval { targets, bounds, compliance }
     }
 
+    /// Returns the law by which the row bears what bodies gain in each substep, as far as it is not such a
+    /// gain itself.
+    pub(crate) fn bearing_law(
+        &self,
+        state: &RowState,
+        params: &RowParams,
+        is_broken: bool,
+    ) -> Interval<f64> {
+        let within = |most: f64| [-most, most];
+        let bounds = match self {
+            _ if is_broken || self.is_spring() || self.constant(state, params) != 0.0 => [0.0; 2],
+            Self::Lock(..) => ANY,
+            Self::Limit(..) if state.solved > 0.0 => [0.0, f64::INFINITY],
+            Self::Limit(..) if state.solved < 0.0 => [f64::NEG_INFINITY, 0.0],
+            Self::Limit(..) => [0.0; 2],
+            Self::Drive(drive) => within(Self::most(drive, state.value, params)),
+            Self::Friction(most) => within(most * params.h),
+        };
+        Interval { targets: [0.0; 2], bounds, compliance: self.compliance(params) }
+    }
+
     /// Returns by how much q misses its lock or its limits.
     pub(crate) fn miss(&self, value: f64) -> f64 {
         match self {

@@ -38,7 +38,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             for (body, pull) in row.pulls() {
                 let Some(index) = bodies.view().index(body) else { continue };
                 let inverse: InverseMass<f64, L, A> = bodies.masses[index].cast();
-                bodies.spring_gains[index] += inverse.velocity(&pull).cast();
+                bodies.standing_gains[index] += inverse.velocity(&pull).cast();
             }
         }
     }

@@ -100,12 +100,13 @@ impl<V: Lanes, const L: usize, const A: usize> Targets<'_, V, L, A> {
 pub struct Lead<'a, const L: usize, const A: usize> {
     /// Displacements since gaps were measured. \[m, rad\]
     pub displacements: &'a [Velocity<f32, L, A>],
-    /// The part of them that is meant here. \[m, rad\]
+    /// The part of them that is meant here: h / 2 times what forces, springs and contacts give bodies in each
+    /// substep. \[m, rad\]
     pub offsets: &'a [Velocity<f32, L, A>],
     /// Velocities at the start of the substep. What slides or strikes has no place to keep.
     pub velocities: &'a [Velocity<f32, L, A>],
-    /// For each body with joints, whether it rests in its mechanism.
-    pub rests: &'a [Option<bool>],
+    /// By body: true if it has joints. Targets of other bodies stay.
+    pub joined: &'a [bool],
     /// Parameters with which targets have been set.
     pub repair: Repair<f32>,
 }
@@ -124,23 +125,19 @@ impl<const L: usize, const A: usize> Lead<'_, L, A> {
         shifts: &mut [Vector<V, L>],
     ) {
         let Repair { dt, rate, stick_rate, .. } = self.repair;
-        // Contacts of bodies of one mechanism bear what its joints take back.
-        let rests = |side: usize, lane: usize| {
-            self.rests.get(block.bodies[side][lane] as usize).copied().flatten()
-        };
-        let counts = |lane: usize| match [rests(0, lane), rests(1, lane)] {
-            [Some(true), None] | [None, Some(true)] => 1.0,
-            _ => 0.0,
-        };
-        let counts = V::from_array(std::array::from_fn(counts));
         let twist = |of: &[Velocity<f32, L, A>]| {
             let [a, b] = block.gather_from(0, of);
             block.manifold.frame.twist(&a, &b)
         };
         let (moved, offset) = (twist(self.displacements), twist(self.offsets));
         let before = twist(self.velocities);
-        let of_slip = counts * splat(1.0 / dt - stick_rate);
-        let of_overlap = counts * splat((1.0 - rate) / dt);
+        let counts = V::from_array(std::array::from_fn(|lane| {
+            let is_joined =
+                |side: &[u32; WIDTH]| self.joined.get(side[lane] as usize) == Some(&true);
+            if block.bodies.iter().any(is_joined) { 1.0 } else { 0.0 }
+        }));
+        let [of_slip, of_overlap] =
+            [stick_rate * dt, rate].map(|own| counts * splat((1.0 - own) / dt));
         for (contact, shift) in points.iter_mut().zip(shifts) {
             let gap = contact.gap[0] + contact.normal_velocity(&moved);
             let speed = contact.relative_velocity(&before);

@@ -110,6 +110,62 @@ fn boxes_stay_on_what_moves() {
     }
 }
 
+/// A chassis of 100 kg rolls at a `speed` on four wheels of this `mass` and `radius` (two in the plane).
+/// Returns by how much a wheel is below the floor at most \[m\], and the last speed \[m/s\].
+fn roll_on_wheels<G: Rigid<L, A>, const L: usize, const A: usize>(
+    preset: &Preset,
+    [mass, radius, speed]: [f32; 3],
+) -> [f64; 2] {
+    let mut world: World<G, L, A> = preset.world();
+    let rough = surface(0.5, 0.0);
+    let floor = G::halfspace(v(0.0, 1.0, 0.0));
+    world.add(body(Motion::Static, v(0.0, 0.0, 0.0), floor, &rough)).unwrap();
+    let linear = Vector(v(speed, 0.0, 0.0));
+    let mut add = |at, shape, mass, spin: f32| {
+        let mut part = weighing(dynamic(at, shape, &rough), mass);
+        part.velocity = Velocity { linear, angular: Vector::ZERO };
+        part.velocity.angular.0[A - 1] = spin;
+        world.add(part).unwrap()
+    };
+    let half = v(3.0 * radius, 0.4 * radius, radius);
+    let chassis = add(v(0.0, radius, 0.0), G::cuboid(half), 100.0, 0.0);
+    let sides: &[f32] = if L == 3 { &[-2.0, 2.0] } else { &[0.0] };
+    let places = sides.iter().flat_map(|z| [-2.5, 2.5].map(|x| v(x * radius, radius, z * radius)));
+    let wheels: Vec<_> =
+        places.map(|at| (add(at, G::ball(radius), mass, -speed / radius), at)).collect();
+    for &(wheel, at) in &wheels {
+        let hinge = Joint::hinge([Some(wheel), Some(chassis)]).at(at);
+        world.join(if L == 3 { hinge.about(v(0.0, 0.0, 1.0)) } else { hinge }).unwrap();
+    }
+    let mut depth = 0.0f64;
+    for _ in 0..60 {
+        world.step(DT).unwrap();
+        let low = wheels.iter().map(|(wheel, _)| radius - place(&world, *wheel)[1]);
+        depth = depth.max(f64::from(low.fold(0.0, f32::max)));
+    }
+    [depth, f64::from(velocity(&world, chassis).linear[0])]
+}
+
+/// What contacts give a light wheel joints take of it again: it stays on the floor. It sank by 1.5 mm.
+#[test]
+fn carts_roll_on_light_wheels() {
+    let preset = Preset::bake();
+    for mass in [0.1, 1.0, 10.0] {
+        for [radius, speed] in [[0.1, 0.2], [0.1, 1.0], [0.1, 5.0], [0.03, 0.3], [1.0, 2.0]] {
+            let all = [mass, radius, speed];
+            let found = [
+                roll_on_wheels::<Rigid3, 3, 3>(&preset, all),
+                roll_on_wheels::<Rigid2, 2, 1>(&preset, all),
+            ];
+            for [depth, last] in found {
+                let of = format!("wheels of {mass} kg and {radius} m at {speed} m/s");
+                preset.below(&format!("depth of {of}"), depth, 1.5e-4);
+                preset.check(&format!("speed on {of}"), last, f64::from(speed));
+            }
+        }
+    }
+}
+
 /// Two fingers on sliders press a box with 1.5 times the force that friction needs.
 #[test]
 fn fingers_hold_a_box() {
