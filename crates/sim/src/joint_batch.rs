@@ -13,7 +13,7 @@
 
 use std::ops::Range;
 
-use drystone_solver::mechanism::{MechanismBatch, MechanismPart};
+use drystone_solver::mechanism::{MechanismBatch, MechanismPart, of_batch};
 use drystone_solver::{InverseMass, Velocity};
 
 use crate::geometry::{Frame, Geometry};
@@ -22,7 +22,7 @@ use crate::joint::linkage::{Aim, Linkage};
 use crate::joint::rows::{Role, RowState};
 use crate::joint::taming::Taming;
 use crate::joint::turning;
-use crate::motion::{MovingBodies, SubstepParams};
+use crate::motion::{LEAST_GRAVITY, MOST_TURN, MovingBodies, SubstepParams};
 
 /// Longest time over which a blow counts as a mean force. What breaks does not depend on the length of
 /// steps, as far as two substeps are shorter. \[s\]
@@ -37,6 +37,14 @@ const LEAST_MISS: f64 = 1e-8;
 /// Rotation of an arm of a joint in a substep beyond which it is taken back: twice that for which steps
 /// are planned. \[rad\]
 const WIDE_TURN: f64 = 0.2;
+
+/// Largest acceleration by contacts that displaces a body of a touched mechanism, over that of gravity: as far
+/// as joints allow it, and as far as they take it again. \[1\]
+const MOST_ALLOWED: f32 = 40.0;
+const MOST_TAKEN: f32 = 3.0;
+
+/// Rotation of a body in a substep from which on what joints take counts in full. \[rad\]
+const TURNING: f32 = 1e-3;
 
 /// Velocity by which a solve of joints may move a body that touches another one, until its contacts are
 /// solved again. \[m/s\]
@@ -128,26 +136,31 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     }
 
     /// Subtracts h p / 2 from the displacements of bodies with joints. p is what contacts and springs give
-    /// them in each substep, less what joints take of it again in an `exact` solve: a light body between a
-    /// heavy one and the floor would be displaced by h^2 / 2 times a large acceleration that it does not
-    /// have.
+    /// them in each substep, in an `exact` solve as far as joints [bear](Self::bear) it.
     pub(crate) fn offset_displacements<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
         (params, exact): (&SubstepParams<L>, bool),
     ) {
         if exact {
-            self.bear(bodies.standing_gains);
+            self.bear(bodies, params);
         }
         for (moved, gain) in bodies.displacements.iter_mut().zip(&*bodies.standing_gains) {
             *moved -= *gain * (0.5 * params.h);
         }
     }
 
-    /// Leaves of the velocities that bodies of touched mechanisms gain in each substep what joints allow:
-    /// p + M^-1 J^T lambda, where lambda is as in a solve of the joints with all targets 0.
-    fn bear(&mut self, gains: &mut [Velocity<f32, L, A>]) {
-        let seen = &*gains;
+    /// Splits what bodies of touched mechanisms gain in each substep into what joints allow,
+    /// p + M^-1 J^T lambda, and what they take of it again. lambda is as in a solve of the joints with all
+    /// targets 0. Both are bounded: a light body between a heavy one and the floor gains thousands of
+    /// times its weight. What joints take counts only where a mechanism turns. There it makes half of
+    /// their reaction act at the end of the substep, as that to gravity does.
+    fn bear<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        params: &SubstepParams<L>,
+    ) {
+        let seen = &*bodies.standing_gains;
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
             if linkage.touches {
                 linkage.begin_bearing(&mut part);
@@ -155,7 +168,25 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 part.solve();
             }
         });
-        self.mechanisms.store(self.linkages.iter().map(|of| of.touches), gains);
+        let h = params.h;
+        let parts = self.mechanisms.parts().zip(&*self.linkages);
+        for (part, linkage) in parts.filter(|(_, linkage)| linkage.touches) {
+            let turn = linkage.turn(|body| of_batch(bodies.prospective, bodies.first, body));
+            let counts = if A == 0 { 1.0 } else { (turn / TURNING).min(1.0) };
+            for (index, &body) in linkage.members.iter().enumerate() {
+                let own = (body as usize).wrapping_sub(bodies.first);
+                if bodies.masses.get(own).is_none_or(|of| *of == InverseMass::FIXED) {
+                    continue;
+                }
+                let fall = bodies.properties.gravity_on(body as usize, params.gravity).length();
+                let weight = fall.max(LEAST_GRAVITY as f32) * h;
+                let (gain, allowed) = (&mut bodies.standing_gains[own], part.velocity(index));
+                let taken = *gain - allowed;
+                *gain = allowed * part_within(&allowed, [MOST_ALLOWED * weight, MOST_TURN / h]);
+                *gain +=
+                    taken * (counts * part_within(&taken, [MOST_TAKEN * weight, MOST_TURN / h]));
+            }
+        }
     }
 
     /// Adds the impulses of the last solve to the velocities, and sets the targets of the rows.
@@ -190,6 +221,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
             }
             linkage.set_targets(&aim, &mut part);
             linkage.begin_aims();
+            linkage.tamed = false;
             linkage.aims = linkage.is_fast(at) && (exact || !linkage.touches);
             if linkage.aims {
                 part.load(at.velocities);
@@ -302,6 +334,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
             let may_be = taming == Taming::Soften || linkage.aims;
             linkage.aims = may_be && linkage.tame(taming, &mut part, at, prospective);
+            linkage.tamed |= linkage.aims;
         });
         self.linkages.iter().any(|of| of.aims)
     }
@@ -368,7 +401,9 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         params: &SubstepParams<L>,
     ) -> Option<f64> {
         let turn = self.largest_turn(bodies, params, WIDE_TURN);
-        (turn > WIDE_TURN).then(|| turn / f64::from(params.h))
+        // Half of the substep is due where targets are lost.
+        let is_lost = self.linkages.iter().any(|linkage| linkage.is_lost());
+        (turn > WIDE_TURN || is_lost).then(|| turn.max(WIDE_TURN) / f64::from(params.h))
     }
 
     /// Returns the largest angle by which joints turn in a substep; any up to `least` if none is larger
@@ -493,4 +528,13 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         }
         self.solve(velocities);
     }
+}
+
+/// Returns the part of a velocity that is within these bounds. \[m/s, rad/s\]
+fn part_within<const L: usize, const A: usize>(
+    of: &Velocity<f32, L, A>,
+    [linear, angular]: [f32; 2],
+) -> f32 {
+    let part = |own: f32, most: f32| if own > most { most / own } else { 1.0 };
+    part(of.linear.length(), linear).min(part(of.angular.length(), angular))
 }

@@ -17,10 +17,8 @@ use crate::joint::rows::{Role, RowState};
 use crate::joint::{Breaking, JointState, turning};
 use crate::joint_batch::JointBatch;
 use crate::ledger::JointRow;
+use crate::motion::LEAST_GRAVITY;
 use crate::report::BrokenJoint;
-
-/// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
-const LEAST_GRAVITY: f64 = 9.81;
 
 /// Time for which the largest rate of turning is held: pendulums swing faster. \[s\]
 const HOLD: f64 = 4.0;

@@ -24,12 +24,15 @@ pub(crate) const SMALL_TURN: f32 = 1e-4;
 /// would change by less than this fraction.
 const LEAST_TURN: f32 = 1e-5;
 
+/// Least acceleration for the weight of a mechanism, which it has without gravity. \[m/s^2\]
+pub(crate) const LEAST_GRAVITY: f64 = 9.81;
+
 /// Largest load of contacts on a body with joints, over its weight, whose constant part displaces
 /// it. \[1\]
 const MOST_BORNE: f32 = 20.0;
 
 /// Largest rotation of such a body by the constant part in a substep. \[rad\]
-const MOST_TURN: f32 = 0.02;
+pub(crate) const MOST_TURN: f32 = 0.02;
 
 /// Parameters of the substeps of a part.
 #[derive(Clone, Copy)]

@@ -30,6 +30,9 @@ const MOST_AIMS: usize = 4;
 /// Change of targets over the least one, at which they follow no more. \[1\]
 const DIVERGED: f64 = 2.0;
 
+/// Miss at which a substep is taken whose targets did not find their path. \[m, or rad\]
+const FAR_MISS: f64 = 5e-5;
+
 /// Rotation of a body per substep beyond which the targets follow the path that the joints leave.
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
@@ -125,6 +128,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     targets: Vec<[f64; 2]>,
     best_targets: Vec<[f64; 2]>,
     least_change: f64,
+    /// True if its locks have been tamed in the substep.
+    pub(crate) tamed: bool,
 }
 
 /// The bodies that the targets of a linkage follow, and how far they may miss.
@@ -180,6 +185,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             targets: Vec::with_capacity(rows),
             best_targets: Vec::with_capacity(rows),
             least_change: f64::INFINITY,
+            tamed: false,
         }
     }
 
@@ -434,11 +440,13 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
 
     /// Finds whether a body turns by more than [`FAST_TURN`] in a substep.
     pub(crate) fn is_fast<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>) -> bool {
-        let h = self.substep as f32;
-        self.members.iter().any(|&body| {
-            let omega = at.velocity(body).angular;
-            omega.dot(omega) * h * h > FAST_TURN * FAST_TURN
-        })
+        self.turn(|body| at.velocity(body)) > FAST_TURN
+    }
+
+    /// Returns the largest rotation of its bodies in a substep at these velocities. \[rad\]
+    pub(crate) fn turn(&self, velocity: impl Fn(u32) -> Velocity<f32, L, A>) -> f32 {
+        let speeds = self.members.iter().map(|&body| velocity(body).angular.length());
+        speeds.fold(0.0, f32::max) * self.substep as f32
     }
 
     /// Sets the targets of the rows for the expected velocities. Returns true if joints would miss
@@ -478,6 +486,13 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             }
         }
         self.begin_aims();
+    }
+
+    /// Returns true if bodies touch others, and targets did not find the path that the joints leave: bodies
+    /// would miss their places, or locks were [tamed](Self::tame).
+    pub(crate) fn is_lost(&self) -> bool {
+        let missed = self.least_change.is_finite() && self.least_change * self.substep > FAR_MISS;
+        self.touches && (self.tamed || self.followed > MOST_AIMS && missed)
     }
 
     /// Begins to [aim](Self::aim): the next solve is the first that targets follow.

@@ -146,7 +146,7 @@ fn roll_on_wheels<G: Rigid<L, A>, const L: usize, const A: usize>(
     [depth, f64::from(velocity(&world, chassis).linear[0])]
 }
 
-/// What contacts give a light wheel joints take of it again: it stays on the floor. It sank by 1.5 mm.
+/// What contacts give a light wheel, joints take of it again: it stays on the floor. It sank by 1.5 mm.
 #[test]
 fn carts_roll_on_light_wheels() {
     let preset = Preset::bake();
@@ -163,6 +163,76 @@ fn carts_roll_on_light_wheels() {
                 preset.check(&format!("speed on {of}"), last, f64::from(speed));
             }
         }
+    }
+}
+
+/// What stands on a light foot that it is joined to is at rest, and falls asleep. It moved at 8 to 10 mm/s.
+#[test]
+fn heavy_bodies_on_light_feet_fall_asleep() {
+    let mut preset = Preset::bake();
+    preset.settings.sleep_delay = 0.5;
+    for (heavy, light) in [(60.0, 5.0), (60.0, 0.5), (1000.0, 1.0), (3.0, 0.03)] {
+        for kind in ["fixed", "hinge", "slider"] {
+            let mut world: World3 = preset.world();
+            let rough = surface(0.5, 0.0);
+            let floor = Rigid3::halfspace([0.0, 1.0, 0.0]);
+            world.add(body(Motion::Static, [0.0; 3], floor, &rough)).unwrap();
+            let mut add = |y, half, mass| {
+                let part = dynamic([0.0, y, 0.0], Rigid3::cuboid(half), &rough);
+                world.add(weighing(part, mass)).unwrap()
+            };
+            let foot = add(0.02, [0.12, 0.02, 0.12], light);
+            let top = add(0.3, [0.15, 0.2, 0.15], heavy);
+            let pair = [Some(top), Some(foot)];
+            let joint = match kind {
+                "fixed" => Joint::fixed(pair),
+                "hinge" => Joint::hinge(pair).about([0.0, 0.0, 1.0]).limits(-1e-3..=1e-3),
+                _ => Joint::slider(pair).about([0.0, 1.0, 0.0]).limits(-0.01..=0.0),
+            };
+            world.join(joint.at([0.0, 0.05, 0.0])).unwrap();
+            run(&mut world, 0.4);
+            let name = format!("{heavy} kg on {light} kg, {kind}");
+            let speed = f64::from(velocity(&world, top).linear.length());
+            preset.below(&format!("speed of {name}"), speed, 1e-3);
+            run(&mut world, 1.6);
+            assert!(world.is_sleeping(top) && world.is_sleeping(foot), "{name}: awake");
+        }
+    }
+}
+
+/// A pendulum swings on a box that stands on the floor. What the floor bears of its pull turns with it: joints
+/// react to that as to gravity, in halves. All at the start of each substep added 3 % of its energy per second.
+#[test]
+fn a_pendulum_on_a_box_keeps_its_energy() {
+    let preset = Preset::bake();
+    for (base, angle) in [(30.0, 0.6f32), (30.0, 0.1), (1e4, 0.6), (8.0, 0.6)] {
+        let mut world: World3 = preset.world();
+        let rough = surface(0.5, 0.0);
+        let floor = Rigid3::halfspace([0.0, 1.0, 0.0]);
+        world.add(body(Motion::Static, [0.0; 3], floor, &rough)).unwrap();
+        let stand = dynamic([0.0, 0.5, 0.0], Rigid3::cuboid([0.4, 0.5, 0.4]), &rough);
+        let stand = world.add(weighing(stand, base)).unwrap();
+        let at = [0.5 + 0.3 * angle.sin(), 0.8 - 0.3 * angle.cos(), 0.0];
+        let bob = weighing(dynamic(at, Rigid3::ball(0.08), &rough), 5.0);
+        let bob = world.add(bob).unwrap();
+        let hinge = Joint::hinge([Some(bob), Some(stand)]).at([0.5, 0.8, 0.0]);
+        world.join(hinge.about([0.0, 0.0, 1.0])).unwrap();
+        let energy = |world: &World3| {
+            let of = world.measure();
+            of.kinetic_energy + of.potential_energy
+        };
+        run(&mut world, 0.1);
+        let (start, mut rise) = (energy(&world), 0.0f64);
+        for _ in 0..300 {
+            world.step(DT).unwrap();
+            rise = rise.max(energy(&world) - start);
+        }
+        let swing = 5.0 * ACCELERATION * 0.3 * f64::from(1.0 - angle.cos());
+        let name = format!("{angle} rad on {base} kg");
+        // The box may come up by some micrometers.
+        let most = 2e-3 * swing + 5e-6 * f64::from(base) * ACCELERATION;
+        preset.below(&format!("energy gained at {name}"), rise, most);
+        preset.below(&format!("energy lost at {name}"), (start - energy(&world)) / swing, 0.05);
     }
 }
 
