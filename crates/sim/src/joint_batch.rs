@@ -44,7 +44,7 @@ const MOST_ALLOWED: f32 = 40.0;
 const MOST_TAKEN: f32 = 3.0;
 
 /// Rotation of a body in a substep from which on what joints take counts in full. \[rad\]
-const TURNING: f32 = 1e-3;
+const TURNING: f32 = 1e-4;
 
 /// Velocity by which a solve of joints may move a body that touches another one, until its contacts are
 /// solved again. \[m/s\]

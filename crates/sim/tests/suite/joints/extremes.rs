@@ -293,22 +293,20 @@ fn locks_take_bodies_to_their_places() {
 #[test]
 fn a_heavy_ball_on_links_breaks_a_wall() {
     for preset in Preset::both() {
-        let (mut missed, mut gaping) = (0, 0);
+        let mut missed = 0;
         let is_bake = preset.name == "bake";
         for later in [-7i8, -5, -4, -2, 0, 1, 4, 5] {
             let angle = std::f32::consts::FRAC_PI_3 + 0.004 * f32::from(later);
             let [gap, error] = break_a_wall(&preset, angle);
             let name = format!("chain with a heavy ball from {angle}");
-            preset.below(&format!("gap of a {name}"), gap, 2e-3);
+            preset.below(&format!("gap of a {name}"), gap, if is_bake { 1e-4 } else { 2e-3 });
             if is_bake {
                 // One step of one of them may miss the tolerance, by chance of its motion.
                 preset.below(&format!("error of a {name}"), error, 1e-2);
                 missed += u32::from(error > 1e-3);
-                gaping += u32::from(gap > 1e-4);
             }
         }
         preset.below("chains that miss the tolerance", f64::from(missed), 1.0);
-        preset.below("chains that come apart", f64::from(gaping), 1.0);
     }
 }
 
