@@ -91,8 +91,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
         for (manifold, number) in view.of(numbers).iter().zip(0..) {
             let gap = view.impulses_of(manifold)[0].gap[0];
             let comes = AHEAD * (turning - manifold.normal.dot(ahead));
-            let least =
-                if gap > 0.0 { gap + NOWHERE * pair.thickness } else { STILL * pair.thickness };
+            let least = if gap > 0.0 {
+                gap + NOWHERE * pair.thickness - self.fall
+            } else {
+                STILL * pair.thickness
+            };
             if (comes > least || manifold.undecided)
                 && !is_broad(view.points_of(manifold), manifold.normal, BROAD * pair.thickness)
             {

@@ -44,6 +44,9 @@ pub(crate) const STILL: f32 = 2e-4;
 /// Axes with a larger cosine between them count as equal. \[1\]
 const SAME: f32 = 1.0 - 1e-6;
 
+/// Axes with a larger cosine between them hold bodies in nearly the same direction. \[1\]
+const ALIKE: f32 = 0.95;
+
 /// A plane does not hold bodies along an axis if the cosine between its normal and the axis is less
 /// than this. \[1\]
 const ACROSS: f32 = 0.7;
@@ -71,6 +74,7 @@ pub(crate) struct SeamInput<'a, G: Geometry<L, A>, const L: usize, const A: usiz
     pub(crate) poses: &'a [G::Pose],
     pub(crate) bodies: &'a Bodies<G, L, A>,
     pub(crate) velocities: &'a [Velocity<f32, L, A>],
+    pub(crate) gravity: Vector<f32, L>,
     /// Time until the next contact search. \[s\]
     pub(crate) dt: f32,
 }
@@ -286,7 +290,7 @@ impl<const L: usize> SeamResolver<L> {
         if gap <= 0.0 && planes.is_empty() {
             return None;
         }
-        let mut ahead = input.ahead(&corner, manifold, &positions, planes);
+        let mut ahead = input.ahead(&corner, (manifold, gap), &positions, planes);
         // Bodies that touch and hardly move keep their axis; otherwise resting bodies jitter.
         if gap <= 0.0 && normal.dot(ahead).abs() <= STILL * pair.thickness {
             if !manifold.undecided {
@@ -303,6 +307,7 @@ impl<const L: usize> SeamResolver<L> {
             corner: &corner,
             closing,
             manifold: number,
+            own: (normal, most),
             planes,
             ahead,
             most,
@@ -321,6 +326,8 @@ struct AxisSearch<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     corner: &'a SeamPair<'a, G, L, A>,
     closing: Approaching,
     manifold: u32,
+    /// Axis of the manifold, and the gap along it after the motion. \[m\]
+    own: (Vector<f32, L>, f32),
     /// Planes that hold one of the bodies.
     planes: &'a [HoldingPlane<L>],
     /// Motion of a relative to b until the next search. \[m\]
@@ -332,12 +339,15 @@ struct AxisSearch<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> AxisSearch<'_, G, L, A> {
     /// Considers an axis along which a plane holds the body `side`. Without a plane the bodies must
-    /// pass each other along the axis without overlap.
+    /// pass each other along the axis without overlap. An axis close to the manifold's own is not
+    /// considered if they overlap more along it than the motion costs: its sag changes with its
+    /// load, and the axes would take turns.
     fn consider(&mut self, axis: Vector<f32, L>, held: Option<&HoldingPlane<L>>, side: usize) {
         let held = held.unwrap_or(&HoldingPlane::NONE);
-        let Some(separating) =
-            self.corner.along(axis).filter(|separating| separating.gap >= -held.allowed)
-        else {
+        let (normal, then) = self.own;
+        let deepest = if axis.dot(normal) > ALIKE { then.min(0.0) } else { f32::NEG_INFINITY };
+        let least = deepest.max(-held.allowed);
+        let Some(separating) = self.corner.along(axis).filter(|of| of.gap >= least) else {
             return;
         };
         let then = separating.gap.max(0.0) + axis.dot(self.ahead);
@@ -393,18 +403,21 @@ fn reach_of_sides<const L: usize>(
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
     /// Returns the relative motion of two bodies until the next search for contacts, as far as the
-    /// planes that hold them let them move. \[m\]
+    /// planes that hold them let them move. \[m\] Across a `gap` \[m\] they fall freely.
     fn ahead(
         &self,
         corner: &SeamPair<'_, G, L, A>,
-        manifold: &CachedManifold<L>,
+        (manifold, gap): (&CachedManifold<L>, f32),
         positions: &[Vector<f32, L>; 2],
         planes: &[HoldingPlane<L>],
     ) -> Vector<f32, L> {
         let normal = manifold.normal;
         let velocity = |body: u32, position: Vector<f32, L>| {
             let center = self.bodies.relative_position([body, manifold.bodies[1]]);
-            self.velocities[body as usize].at(position - center)
+            let own = self.velocities[body as usize].at(position - center);
+            let falls = gap > 0.0 && self.bodies.is_dynamic(body as usize);
+            let gravity = self.bodies.gravity_on(body as usize, self.gravity);
+            if falls { own + gravity * (0.5 * self.dt) } else { own }
         };
         // A round body moves as its core does, however it rotates.
         let round = corner.rounding_radius(normal);
@@ -441,7 +454,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
     /// Changes the axis of a manifold. Its points stay where they are on one of the bodies. On a
     /// round body they move to the nearest points along the new axis.
     fn change_axis(&self, pair: &mut Pair, change: &AxisChange<L>, cache: &mut ManifoldCache<L>) {
-        let SeparatingAxis { axis, gap, height } = change.separating;
+        let SeparatingAxis { axis, gap: least, height } = change.separating;
         let reuse = &mut cache.reuse[change.manifold as usize];
         let kept = matches!(reuse, Reuse::Kept(_));
         *reuse = reuse.changed();
@@ -457,9 +470,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
         let moved = (manifold.normal - axis) * if of_a { around } else { -around };
         for (point, cached) in points.iter_mut().zip(&mut *impulses) {
             let own = if of_a { a.point(point.on_a) } else { b.point(point.on_b) } + moved;
+            // A point that is beside its own body moves to it.
             let along = axis.dot(own);
-            let gap = if of_a { along - height } else { gap + height - along };
-            let [on_a, on_b] = if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
+            let above = if of_a { along - height } else { least + height - along };
+            let gap = above.max(least);
+            let other = own - axis * if of_a { above } else { -above };
+            let [on_a, on_b] =
+                if of_a { [other + axis * gap, other] } else { [other, other - axis * gap] };
             (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
             point.push_point = if of_a { on_a } else { on_b };
             cached.gap[0] = gap;

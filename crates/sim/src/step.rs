@@ -498,6 +498,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             poses: &self.colliders.poses,
             bodies: &self.bodies,
             velocities: &self.bodies.velocities,
+            gravity: self.gravity,
             dt,
         };
         let closing =

@@ -257,6 +257,12 @@ impl PosedCylinder {
         if length > 0.0 { self.level(across * (1.0 / length)) * self.radius } else { across }
     }
 
+    /// Moves a point that is farther from the axis than the side towards the axis, onto the side.
+    fn onto(&self, point: Vec3) -> Vec3 {
+        let out = self.across(point - self.center);
+        point - out * (1.0 - self.radius / out.length()).max(0.0)
+    }
+
     /// Removes the component along the axis that rounding has left in a unit vector across it. This
     /// component is large if the vector was short before it was normalized.
     fn level(&self, across: Vec3) -> Vec3 {
@@ -862,8 +868,9 @@ pub(super) fn between(
         }
         if is_supported(touch, cap.0, size, prediction) || gap <= cap.0 {
             if touch.points.is_empty() {
-                let on_a = a.support(-cap.1);
-                touch.points.push(point(on_a, on_a - cap.1 * cap.0, cap.0, WHOLE));
+                let (on_a, gap) = nearest_on_rim([a, b], cap, prediction);
+                let on_b = b.onto(on_a - cap.1 * gap);
+                touch.points.push(point(on_a, on_b, gap, WHOLE));
             }
             touch.reduce();
             return cap.0;
@@ -878,14 +885,29 @@ pub(super) fn between(
             let [s, _] = nearest(&a.core(), &b.core());
             a.core().at(s) + a.flank(-normal)
         } else if cosines[0] > cosines[1] {
-            a.support(-normal)
+            nearest_on_rim([a, b], (gap, normal), prediction).0
         } else {
-            b.support(normal) + normal * gap
+            nearest_on_rim([b, a], (gap, -normal), prediction).0 + normal * gap
         };
         touch.points.push(point(on_a, on_a - normal * gap, gap, EDGE));
         gap
     });
     gap
+}
+
+/// Returns the point of a cylinder, as a, that is nearest to another, b, and its gap along a normal
+/// \[m\]; `gap` is the least gap \[m\]. If a cap faces b, the point of its rim towards the axis of b
+/// counts: the farthest point along the normal may be on the other side.
+fn nearest_on_rim(
+    [a, b]: [&PosedCylinder; 2],
+    (gap, normal): (f32, Vec3),
+    prediction: f32,
+) -> (Vec3, f32) {
+    let lowest = a.support(-normal);
+    let towards = lowest - a.flank(-normal) + a.flank(b.center - a.center);
+    let towards_gap = gap + normal.dot(towards - lowest);
+    let faces = a.is_on_cap(normal) && gap >= 0.0 && towards_gap <= prediction;
+    if faces { (towards, towards_gap) } else { (lowest, gap) }
 }
 
 /// Returns the gap of two cylinders along an axis from b to a. \[m\]

@@ -516,11 +516,16 @@ fn on_face<const L: usize>(
     for corner in left.iter_mut() {
         corner.position = from_other.point(corner.position);
     }
-    let mut number = 0;
+    let (mut number, mut is_beside) = (0, false);
     solid.sides(of.face, memory, |point, outward| {
-        cut([left, next], number, point, outward);
+        is_beside |= !cut([left, next], number, point, outward);
         number += 1;
     });
+    if is_beside {
+        // Beside a face, only solids that are apart are known to be nearest at its rim.
+        left.retain(|_| gap >= 0.0);
+        retain_nearest(left, |each| solid.sides(of.face, memory, each));
+    }
     let near = |corner: &Corner<L>| {
         let on_b = corner.position;
         let gap = Some(normal.dot(on_b - vertex)).filter(|gap| *gap <= prediction)?;
@@ -544,6 +549,9 @@ fn on_face<const L: usize>(
     // face with almost the same normal.
     if touch.points.is_empty() || gap < 0.0 && least > BESIDE * gap && is_inside(far()) {
         touch.points.extend(near(&Corner::new(far(), 0xffff)));
+    }
+    if is_beside && gap >= 0.0 {
+        to_rim((solid, of.face), memory, &mut touch.points);
     }
     touch.reduce();
 }
@@ -621,23 +629,58 @@ pub(super) fn on_plane<const L: usize>(
     apart
 }
 
+/// Retains the corners nearest to a face beside which they are. `sides` calls its argument with each
+/// plane through a side of the face, as [`Solid::sides`] does.
+fn retain_nearest<const L: usize>(
+    corners: &mut Vec<Corner<L>>,
+    sides: impl FnOnce(&mut dyn FnMut(Vector<f32, L>, Vector<f32, L>)),
+) {
+    corners.iter_mut().for_each(|corner| corner.height = 0.0);
+    let mut size = 0.0f32;
+    sides(&mut |point, outward| {
+        let length = outward.length();
+        size = size.max(length);
+        for corner in corners.iter_mut() {
+            let beyond = outward.dot(corner.position - point) / length;
+            corner.height = corner.height.max(beyond);
+        }
+    });
+    let least = corners.iter().map(|corner| corner.height).fold(f32::INFINITY, f32::min);
+    corners.retain(|corner| corner.height <= least + 1e-4 * size);
+}
+
+/// Moves points on the plane of a face, beside the face, to its rim.
+fn to_rim<const L: usize>(
+    (solid, face): (&impl Solid<L>, usize),
+    memory: &mut Vec<Corner<L>>,
+    points: &mut [ManifoldPoint<L>],
+) {
+    solid.sides(face, memory, |on, outward| {
+        for point in points.iter_mut() {
+            let beyond = outward.dot(point.on_a - on) / outward.dot(outward);
+            point.on_a -= outward * beyond.max(0.0);
+        }
+    });
+}
+
 /// Clips a convex polygon to the inner side of a plane (Sutherland-Hodgman). In 2D the polygon is a
-/// segment.
+/// segment. If all of it is on the outer side, it is left as it is, and the result is false.
 fn cut<const L: usize>(
     [polygon, next]: [&mut Vec<Corner<L>>; 2],
     side: u32,
     point: Vector<f32, L>,
     outward: Vector<f32, L>,
-) {
+) -> bool {
     // A corner on the plane counts as inside.
     let tolerance = 1e-4 * outward.dot(outward);
-    let mut all_inside = true;
+    let (mut all_inside, mut all_outside) = (true, true);
     for corner in polygon.iter_mut() {
         corner.height = outward.dot(corner.position - point);
-        all_inside &= corner.height <= tolerance;
+        let inside = corner.height <= tolerance;
+        (all_inside, all_outside) = (all_inside & inside, all_outside & !inside);
     }
-    if all_inside {
-        return;
+    if all_inside || all_outside {
+        return all_inside;
     }
     next.clear();
     // A segment is not closed.
@@ -658,6 +701,7 @@ fn cut<const L: usize>(
         before = Some(here);
     }
     std::mem::swap(polygon, next);
+    true
 }
 
 #[cfg(test)]

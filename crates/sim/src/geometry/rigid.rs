@@ -1278,4 +1278,64 @@ mod tests {
         let ball = Rigid3::reach(&shapes[0], &Rigid3::pose(Vector::ZERO, &[]));
         assert_eq!(ball, Reach { all: 0.7, core: 0.0 });
     }
+
+    /// Returns the pose at which a shape that comes from far away is `apart` \[m\] from another one.
+    fn approach(
+        shapes: [&parry3d::shape::SharedShape; 2],
+        [from, to]: [&parry3d::math::Pose; 2],
+        way: Vector<f32, 3>,
+        apart: f32,
+    ) -> parry3d::math::Pose {
+        let mut at = 4.0;
+        let pose = |at: f32| Rigid3::advance(to, way * at, Vector::ZERO);
+        for _ in 0..60 {
+            let now = parry3d::query::distance(from, &**shapes[0], &pose(at), &**shapes[1]);
+            at -= now.unwrap().distance - apart;
+        }
+        pose(at)
+    }
+
+    /// The points of a contact are on both shapes, also where these pass each other beside a face.
+    /// Round shapes have tolerances close to upright normals.
+    #[test]
+    fn contact_points_are_on_both_shapes() {
+        use parry3d::shape::SharedShape;
+        const PREDICTION: f32 = 0.02;
+        let mut random = Random(17);
+        let corners: Vec<_> = (0..12).map(|_| random.vector().0.into()).collect();
+        let shapes = [
+            SharedShape::cuboid(0.2, 0.5, 0.9),
+            SharedShape::cuboid(0.6, 0.6, 0.6),
+            SharedShape::convex_hull(&corners).unwrap(),
+            SharedShape::cylinder(0.5, 0.4),
+            SharedShape::ball(0.7),
+            SharedShape::capsule_y(0.6, 0.3),
+        ];
+        let mut scratch = Default::default();
+        for (a, b) in (0..36).map(|pair| (pair / 6, pair % 6)) {
+            let most = if a.max(b) < 3 { 0.2 * PREDICTION } else { 1.2 * PREDICTION };
+            let pair = [&shapes[a], &shapes[b]];
+            for turn in 0..400 {
+                let tilt = [0.0, 1e-4, 1e-2, 3.0][turn % 4];
+                let mut turned = || {
+                    let center = Rigid3::pose(Vector::ZERO, &[]);
+                    Rigid3::advance(&center, Vector::ZERO, random.vector() * tilt)
+                };
+                let (from, to) = (turned(), turned());
+                let way = random.vector();
+                let way = way * (1.0 / way.length());
+                let apart = 0.5 * PREDICTION * (1.0 + random.number());
+                let poses = [from, approach(pair, [&from, &to], way, apart)];
+                let [one, other] = pair.map(|shape| Rigid3::prepare(shape.clone()));
+                let mut found = |touch: &ContactManifold<3>| {
+                    for (side, at) in touch.points.iter().flat_map(|p| [(0, p.on_a), (1, p.on_b)]) {
+                        let off = pair[side].distance_to_point(&poses[side], at.0.into(), true);
+                        assert!(off < most, "{a} and {b}, tilted by {tilt}: {off} m off");
+                    }
+                };
+                let (one, other) = ((&one, &poses[0]), (&other, &poses[1]));
+                Rigid3::collide(one, other, PREDICTION, None, &mut scratch, &mut found);
+            }
+        }
+    }
 }

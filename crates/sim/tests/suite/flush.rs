@@ -274,3 +274,79 @@ fn bodies_that_land_at_a_seam_keep_their_speed() {
         }
     }
 }
+
+/// A fall along a wall of two flush bodies.
+#[derive(Clone, Copy, Debug)]
+struct Fall {
+    /// Motion of the bodies of the wall.
+    wall: Motion,
+    hulls: bool,
+    /// Half of the size of all bodies. \[m\]
+    size: f32,
+    /// Speed at the start. \[m/s\]
+    speed: f32,
+    /// Distance from the wall, as a fraction of the size. \[1\]
+    beside: f32,
+    /// Angle about z. \[rad\]
+    tilt: f32,
+    realtime: bool,
+}
+
+/// Returns the deepest overlap during a fall \[m\], the largest speed across the wall \[m/s\], and
+/// the largest error of the speed along it, as a fraction of that speed.
+fn fall<G: Rigid<L, A>, const L: usize, const A: usize>(fall: Fall) -> [f32; 3] {
+    let Fall { wall, hulls, size, speed, beside, tilt, realtime } = fall;
+    let settings = if realtime { StepSettings::realtime() } else { StepSettings::certified() };
+    let mut world = World::<G, L, A>::new(settings);
+    world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
+    let smooth = surface(0.0, 0.0);
+    let half: [f32; L] = v(size, size, size);
+    let shape = || if hulls { G::hull(&corners(half)) } else { G::cuboid(half) };
+    let ground = G::halfspace(v(0.0, 1.0, 0.0));
+    world.add(body(Motion::Static, v(0.0, -size, 0.0), ground, &smooth)).unwrap();
+    for at in [0.0, 2.0] {
+        world.add(body(wall, v(-size, at * size, 0.0), shape(), &smooth)).unwrap();
+    }
+    let start: [f32; L] = v(size * (1.0 + beside + tilt.abs()), 2.3 * size, 0.0);
+    let mut falling = moving(dynamic(start, shape(), &smooth), v(0.0, -speed, 0.0));
+    falling.pose = G::turned(start, tilt);
+    let falling = world.add(falling).unwrap();
+    let (mut fallen, mut worst) = (0.0, [0.0f32; 3]);
+    let speed_at = |fallen: f32| (speed * speed + 2.0 * GRAVITY * fallen).sqrt();
+    // It does not reach the ground in the next step.
+    while fallen + 1.1 * DT * (speed_at(fallen) + DT * GRAVITY) < (2.3 - 1.1 * tilt.abs()) * size {
+        world.step(DT).unwrap();
+        let linear = velocity(&world, falling).linear;
+        fallen = start[1] - G::frame(&world.pose(falling).unwrap()).position[1];
+        let error = (1.0 + linear[1] / speed_at(fallen)).abs();
+        let own = [world.measure().deepest_penetration as f32, linear[0].abs(), error];
+        worst = std::array::from_fn(|i| worst[i].max(own[i]));
+    }
+    worst
+}
+
+/// A body that falls along a wall of flush bodies, or close beside it, does not feel their seam. It
+/// may lean towards its lower corner by any angle, and slightly the other way.
+#[test]
+fn bodies_fall_along_flush_walls() {
+    const TILTS: [f32; 7] = [0.0, 1e-4, -1e-4, 1e-3, -1e-3, -1e-2, -0.1];
+    for bits in 0..8 {
+        let bit = |at: u32| bits >> at & 1 == 1;
+        let wall = if bit(0) { Motion::Dynamic } else { Motion::Static };
+        for (size, speed, beside) in [0.05, 5.0]
+            .into_iter()
+            .flat_map(|size| [0.0, 1.0, 10.0].map(|speed| (size, speed)))
+            .flat_map(|(size, speed)| [0.0, 1e-3, 1e-2, 0.1].map(|by| (size, speed, by)))
+        {
+            for tilt in TILTS {
+                let of = Fall { wall, hulls: bit(1), size, speed, beside, tilt, realtime: bit(2) };
+                for [overlap, aside, error] in [fall::<Rigid2, 2, 1>(of), fall::<Rigid3, 3, 3>(of)]
+                {
+                    assert!(overlap < 2e-3, "{of:?}: {overlap} m deep");
+                    assert!(aside < 0.02, "{of:?}: {aside} m/s aside");
+                    assert!(error < 1e-3, "{of:?}: {error} of the speed");
+                }
+            }
+        }
+    }
+}

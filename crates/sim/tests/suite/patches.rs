@@ -218,10 +218,9 @@ fn towers_of_compounds_stand() {
     }
 }
 
-/// A heap of 150 boxes in a container comes to rest in the real-time preset, because no contact
-/// keeps changing its axis. After 12 s the root mean square of the speeds is below 0.5 mm/s.
-#[test]
-fn a_heap_comes_to_rest() {
+/// Returns the root mean square of the speeds in a heap of 150 boxes in a container, after 12 s in
+/// the real-time preset. \[m/s\]
+fn speed_in_a_heap(seed: u64) -> f32 {
     let mut world = with_gravity(StepSettings { sleep_delay: 0.0, ..StepSettings::realtime() });
     let material = surface(0.5, 0.0);
     add_ground(&mut world, 1, 3.0);
@@ -232,7 +231,7 @@ fn a_heap_comes_to_rest() {
             .add(body::<Rigid3, 3, 3>(Motion::Static, at, Rigid3::cuboid(half), &material))
             .unwrap();
     }
-    let mut random = Random(5);
+    let mut random = Random(seed);
     let boxes: Vec<_> = (0..150)
         .map(|i| {
             let at = |k: i32| 0.5 * (k as f32 - 1.0);
@@ -249,8 +248,16 @@ fn a_heap_comes_to_rest() {
         let linear = velocity(&world, id).linear;
         linear.dot(linear)
     });
-    let mean = (speeds.sum::<f32>() / boxes.len() as f32).sqrt();
-    assert_below("mean speed in a heap, m/s", mean, 5e-4);
+    (speeds.sum::<f32>() / boxes.len() as f32).sqrt()
+}
+
+/// Heaps come to rest in the real-time preset, because no contact keeps changing its axis. In the
+/// median of some heaps the speed is below 0.5 mm/s.
+#[test]
+fn heaps_come_to_rest() {
+    let mut speeds = [5, 6, 7, 8, 9].map(speed_in_a_heap);
+    speeds.sort_by(f32::total_cmp);
+    assert_below("median speed in a heap, m/s", speeds[2], 5e-4);
 }
 
 /// A wheel that rolls at 2 m/s keeps its speed for 3 s within 1 %, on all floors.
