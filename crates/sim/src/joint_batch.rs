@@ -112,13 +112,15 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         });
     }
 
-    /// Finds the springs that stand at the start of a substep, and the velocities that they give to bodies.
+    /// Finds the springs that stand at the start of a substep, in an `exact` solve or another, and the
+    /// velocities that they give to bodies.
     pub(crate) fn begin_springs<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
+        exact: bool,
     ) {
         bodies.standing_gains.fill(Velocity::ZERO);
-        self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part));
+        self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part, exact));
     }
 
     /// Ends the springs that stood at the start of the substep, and those that stand now.

@@ -245,7 +245,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         let params = &plan.params;
         self.bodies.predict(params);
         clock.lap(Stage::Predict);
-        self.joints.begin_springs(&mut self.bodies);
+        self.joints.begin_springs(&mut self.bodies, false);
         let turning = self.warm_start(substep, *renewed, plan);
         clock.lap(Stage::WarmStart);
         self.joints.warm_start(&mut self.bodies, false);
@@ -451,7 +451,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.accelerate(plan, renewed, timer, report);
         let mut context = self.context();
-        context.joints.begin_springs(&mut context.bodies);
+        context.joints.begin_springs(&mut context.bodies, plan.solving);
         let turning = context.warm_start(substep, renewed, plan);
         if leads {
             let StepScratch { displacements, offsets, .. } = &mut self.scratch;

@@ -113,6 +113,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) touched: Vec<bool>,
     /// True if a body touches another one.
     pub(crate) touches: bool,
+    /// True if what its springs and motors give in a substep is bounded before joints bear it.
+    pub(super) bounded: bool,
     /// True if the targets are to follow the path that the joints leave.
     pub(crate) aims: bool,
     /// True if joints are far from their places (`repair.rs`); and if repair moves bodies so far that they
@@ -176,6 +178,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             true_masses: Vec::with_capacity(count),
             touched: vec![false; count],
             touches: false,
+            bounded: true,
             aims: false,
             is_apart: false,
             repairs: false,

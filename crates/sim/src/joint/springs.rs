@@ -24,7 +24,10 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
         part: &MechanismPart<'_, L, A>,
+        exact: bool,
     ) {
+        // Where joints and contacts bear them in an exact solve, what is left of them is bounded.
+        self.bounded = !(exact && self.touches);
         // These give nothing at the end of a substep.
         self.find_rows(0, Role::constant, &bodies.view(), part);
         self.displace_by_rows(bodies);
@@ -94,8 +97,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
 
     /// Finds rows with impulses other than zero.
     ///
-    /// One that turns a body is counted up to [`MOST_TURNED`], one that pushes a body which others touch
-    /// up to [`MOST_PUSHED`].
+    /// If `bounded`, one that turns a body is counted up to [`MOST_TURNED`], one that pushes a body which
+    /// others touch up to [`MOST_PUSHED`].
     fn find_rows<G: Geometry<L, A>>(
         &mut self,
         when: usize,
@@ -103,7 +106,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         at: &BodyView<'_, G, L, A>,
         part: &MechanismPart<'_, L, A>,
     ) {
-        let Self { springs, records, params, sides, touched, .. } = self;
+        let Self { springs, records, params, sides, touched, bounded, .. } = self;
         let found = &mut springs[when];
         found.clear();
         let mut rows = params.iter().zip(&*part.axes);
@@ -125,7 +128,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 });
                 let part = parts.fold(0.0, f64::max) * impulse.abs();
                 let mut axis = *axis;
-                axis.impulse = impulse * if part > 1.0 { 1.0 / part } else { 1.0 };
+                axis.impulse = impulse * if *bounded && part > 1.0 { 1.0 / part } else { 1.0 };
                 let is_drive = matches!(plan.role, Role::Drive(_));
                 let row = JointRow { bodies: joint.bodies, axis, is_drive };
                 found.push((index, row));
