@@ -62,11 +62,11 @@ pub(super) struct Summary {
     energy_start: f64,
     /// Final energy, kinetic plus potential. \[J\]
     energy_end: f64,
-    /// Maximum rise of the energy above its initial value. \[J\]
+    /// Maximum rise of the energy above an earlier one. \[J\]
     energy_rise: f64,
-    /// First step after which the energy exceeds the initial energy by more than the tolerance.
-    /// Also names the body that has gained most when the energy peaks. Absent unless
-    /// `energy_created` is true.
+    /// First step after which the energy exceeds an earlier one by more than the tolerance. Also
+    /// names the body that has gained most in the largest rise. Absent unless `energy_created` is
+    /// true.
     #[serde(skip_serializing_if = "Option::is_none")]
     energy_risen: Option<Risen>,
     /// Rise that counts as rounding. \[J\]
@@ -266,8 +266,9 @@ impl Summary {
         let end = steps.last().map_or(bake.start, |step| step.measure);
         let moving = bake.moved_most(scene, last_second);
         let start = energy(&bake.start);
-        let energy_rise = largest(&mut steps.iter().map(|step| energy(&step.measure) - start));
         let energy_tolerance = energy_tolerance(bake, masses);
+        let rises = Rises::of(bake, energy_tolerance);
+        let energy_rise = rises.most;
         let ledger = energy_summary(bake);
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
@@ -297,7 +298,7 @@ impl Summary {
             energy_end: energy(&end),
             energy_rise,
             energy_risen: (energy_created == Some(true))
-                .then(|| risen(scene, bake, masses, start + energy_tolerance))
+                .then(|| risen(scene, bake, masses, &rises))
                 .flatten(),
             energy_tolerance,
             energy_created,
@@ -424,7 +425,7 @@ impl Summary {
                 sums.worst_step
             ),
             (Some(true), None) => {
-                format!("; {rise} above the start at its highest (tolerance {tolerance})")
+                format!("; it rose by {rise} (tolerance {tolerance})")
             }
         };
         format!("{start} at the start, {end} at the end{verdict}")
@@ -720,14 +721,41 @@ fn has_friction(scene: &Scene) -> bool {
     scene.bodies_as == BodiesAs::Rigid && shapes.any(|shape| shape.material.friction > 0.0)
 }
 
-/// Finds the first step with an energy above `limit`, and the body that has gained most energy by
-/// the step with the highest energy.
-fn risen(scene: &Scene, bake: &Bake, masses: &[f64], limit: f64) -> Option<Risen> {
-    let energies = || bake.steps.iter().map(|step| energy(&step.measure)).enumerate();
-    let (first, _) = energies().find(|(_, energy)| *energy > limit)?;
-    let (highest, _) = energies().max_by(|a, b| a.1.total_cmp(&b.1))?;
-    let (body, gain) = gained_most(scene, &bake.recording, masses, [0, highest + 1])?;
-    Some(Risen { step: first + 1, body, gain })
+/// Rises of the energy above its lowest value before. Frames are counted from 0, the initial state.
+struct Rises {
+    /// The largest rise \[J\], and the frames between which it is.
+    most: f64,
+    frames: [usize; 2],
+    /// First frame that is above an earlier one by more than the tolerance.
+    first: Option<usize>,
+}
+
+impl Rises {
+    fn of(bake: &Bake, tolerance: f64) -> Self {
+        let mut lowest = (energy(&bake.start), 0);
+        let mut rises = Self { most: 0.0, frames: [0; 2], first: None };
+        for (frame, step) in (1..).zip(&bake.steps) {
+            let now = energy(&step.measure);
+            let rise = now - lowest.0;
+            if rise > rises.most {
+                (rises.most, rises.frames) = (rise, [lowest.1, frame]);
+            }
+            if rise > tolerance && rises.first.is_none() {
+                rises.first = Some(frame);
+            }
+            if rise < 0.0 {
+                lowest = (now, frame);
+            }
+        }
+        rises
+    }
+}
+
+/// Returns the step of the first rise, and the body that has gained most energy in the largest.
+fn risen(scene: &Scene, bake: &Bake, masses: &[f64], rises: &Rises) -> Option<Risen> {
+    let step = rises.first?;
+    let (body, gain) = gained_most(scene, &bake.recording, masses, rises.frames)?;
+    Some(Risen { step, body, gain })
 }
 
 fn joule(energy: f64) -> String {

@@ -311,6 +311,42 @@ fn a_report_has_every_step() {
     assert!(steps.iter().all(|step| step["certificate"].as_f64().unwrap() <= 1e-3));
 }
 
+/// Energy that bodies gain after they have lost more is reported: a ball wakes a plate that overlaps
+/// the floor, and repair lifts both.
+#[test]
+fn a_rise_of_energy_after_a_fall_is_reported() {
+    let place = Place::new(
+        r#"
+        duration = 1.0
+        [[bodies]]
+        name = "floor"
+        motion = "static"
+        shapes = [{ type = "halfspace", normal = [0, 1, 0] }]
+        [[bodies]]
+        name = "plate"
+        mass = 10
+        start_asleep = true
+        position = [0, 0.05, 0]
+        shapes = [{ type = "box", half_extents = [0.5, 0.1, 0.5] }]
+        [[bodies]]
+        name = "ball"
+        mass = 20
+        position = [0, 1.5, 0]
+        shapes = [{ type = "sphere", radius = 0.1 }]
+        "#,
+    );
+    let summary = place.succeeds(&["bake", "scene.toml", "--report", "r.json"]);
+    assert!(summary.contains("energy was created"), "{summary}");
+    let report: Value = serde_json::from_slice(&fs::read(place.path("r.json")).unwrap()).unwrap();
+    let of = |key: &str| report["summary"][key].as_f64().unwrap();
+    assert!(of("energy_end") < of("energy_start"), "it falls");
+    // Both weigh 30 kg, and rise by 5 cm or less.
+    let rise = of("energy_rise");
+    assert!(rise > of("energy_tolerance") && rise < 30.0 * 9.81 * 0.05, "{rise} J");
+    // The ball falls for more than half a second.
+    assert!(report["summary"]["energy_risen"]["step"].as_u64().unwrap() > 30, "{summary}");
+}
+
 #[test]
 fn a_ledger_has_every_step() {
     let place = Place::new(SCENE);
