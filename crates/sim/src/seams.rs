@@ -454,7 +454,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
     /// Changes the axis of a manifold. Its points stay where they are on one of the bodies. On a
     /// round body they move to the nearest points along the new axis.
     fn change_axis(&self, pair: &mut Pair, change: &AxisChange<L>, cache: &mut ManifoldCache<L>) {
-        let SeparatingAxis { axis, gap: least, height } = change.separating;
+        let SeparatingAxis { axis, gap, height } = change.separating;
         let reuse = &mut cache.reuse[change.manifold as usize];
         let kept = matches!(reuse, Reuse::Kept(_));
         *reuse = reuse.changed();
@@ -470,13 +470,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
         let moved = (manifold.normal - axis) * if of_a { around } else { -around };
         for (point, cached) in points.iter_mut().zip(&mut *impulses) {
             let own = if of_a { a.point(point.on_a) } else { b.point(point.on_b) } + moved;
-            // A point that is beside its own body moves to it.
             let along = axis.dot(own);
-            let above = if of_a { along - height } else { least + height - along };
-            let gap = above.max(least);
-            let other = own - axis * if of_a { above } else { -above };
-            let [on_a, on_b] =
-                if of_a { [other + axis * gap, other] } else { [other, other - axis * gap] };
+            let gap = if of_a { along - height } else { gap + height - along };
+            let [on_a, on_b] = if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
             (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
             point.push_point = if of_a { on_a } else { on_b };
             cached.gap[0] = gap;

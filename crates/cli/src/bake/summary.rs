@@ -268,11 +268,10 @@ impl Summary {
         let start = energy(&bake.start);
         let energy_tolerance = energy_tolerance(bake, masses);
         let rises = Rises::of(bake, energy_tolerance);
-        let energy_rise = rises.most;
         let ledger = energy_summary(bake);
         let energy_created = match &ledger {
             Some(sums) => Some(sums.created > energy_tolerance),
-            None => (!adds_energy(scene)).then_some(energy_rise > energy_tolerance),
+            None => (!adds_energy(scene)).then_some(rises.first.is_some()),
         };
         let times = times(steps);
         Self {
@@ -296,7 +295,7 @@ impl Summary {
             initial_penetration: audit.start.as_ref().map_or(0.0, |of| of.depth),
             energy_start: start,
             energy_end: energy(&end),
-            energy_rise,
+            energy_rise: rises.most,
             energy_risen: (energy_created == Some(true))
                 .then(|| risen(scene, bake, masses, &rises))
                 .flatten(),
