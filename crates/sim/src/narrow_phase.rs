@@ -92,7 +92,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
             let gap = view.impulses_of(manifold)[0].gap[0];
             let comes = AHEAD * (turning - manifold.normal.dot(ahead));
             let least = if gap > 0.0 {
-                gap + NOWHERE * pair.thickness - self.fall
+                // What moves falls farther; what rests is not asked.
+                gap + NOWHERE * pair.thickness - self.fall.min(comes.max(0.0))
             } else {
                 STILL * pair.thickness
             };
