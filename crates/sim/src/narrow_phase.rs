@@ -92,7 +92,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> NarrowPhaseInput<'_, G, 
             let gap = view.impulses_of(manifold)[0].gap[0];
             let comes = AHEAD * (turning - manifold.normal.dot(ahead));
             let least = if gap > 0.0 {
-                // What moves falls farther; what rests is not asked.
+                // Moving bodies fall farther; those at rest are not asked.
                 gap + NOWHERE * pair.thickness - self.fall.min(comes.max(0.0))
             } else {
                 STILL * pair.thickness

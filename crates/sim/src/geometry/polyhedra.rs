@@ -521,10 +521,12 @@ fn on_face<const L: usize>(
         is_beside |= !cut([left, next], number, point, outward);
         number += 1;
     });
-    if is_beside {
-        // Beside a face, only solids that are apart are known to be nearest at its rim.
-        left.retain(|_| gap >= 0.0);
+    // Beside a face, only solids that are apart are known to be nearest at its rim.
+    let at_rim = is_beside && gap >= 0.0;
+    if at_rim {
         retain_nearest(left, |each| solid.sides(of.face, memory, each));
+    } else if is_beside {
+        left.clear();
     }
     let near = |corner: &Corner<L>| {
         let on_b = corner.position;
@@ -550,7 +552,7 @@ fn on_face<const L: usize>(
     if touch.points.is_empty() || gap < 0.0 && least > BESIDE * gap && is_inside(far()) {
         touch.points.extend(near(&Corner::new(far(), 0xffff)));
     }
-    if is_beside && gap >= 0.0 {
+    if at_rim {
         to_rim((solid, of.face), memory, &mut touch.points);
     }
     touch.reduce();

@@ -217,7 +217,7 @@ fn a_pendulum_on_a_box_keeps_its_energy() {
         let bob = world.add(bob).unwrap();
         let hinge = Joint::hinge([Some(bob), Some(stand)]).at([0.5, 0.8, 0.0]);
         world.join(hinge.about([0.0, 0.0, 1.0])).unwrap();
-        // That of the bob: with the box its height would count, which changes by micrometers.
+        // The energy of the bob: with the box its height would count, which changes by micrometers.
         let energy = |world: &World3| {
             let (own, y) = (velocity(world, bob), f64::from(place(world, bob)[1]));
             let [linear, angular] = [own.linear.length(), own.angular.length()].map(f64::from);
