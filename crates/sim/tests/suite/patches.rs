@@ -251,13 +251,13 @@ fn speed_in_a_heap(seed: u64) -> f32 {
     (speeds.sum::<f32>() / boxes.len() as f32).sqrt()
 }
 
-/// Heaps come to rest in the real-time preset, because no contact keeps changing its axis. In the
-/// median of some heaps the speed is below 0.5 mm/s.
+/// Heaps come to rest in the real-time preset, because no contact keeps changing its axis. In four of
+/// five heaps the speed is below 0.5 mm/s.
 #[test]
 fn heaps_come_to_rest() {
     let mut speeds = [5, 6, 7, 8, 9].map(speed_in_a_heap);
     speeds.sort_by(f32::total_cmp);
-    assert_below("median speed in a heap, m/s", speeds[2], 5e-4);
+    assert_below("speed in four of five heaps, m/s", speeds[3], 5e-4);
 }
 
 /// A wheel that rolls at 2 m/s keeps its speed for 3 s within 1 %, on all floors.
