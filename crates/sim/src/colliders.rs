@@ -432,7 +432,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Colliders<G, L, A> {
             thickness: self.thickness[a].min(self.thickness[b]),
             rotation_lever: rotation_lever(owners.map(|body| bodies.reach[body as usize].core)),
             may_meet_at_corners: pair.iter().any(|&id| G::has_edges(&self.shapes[id as usize]))
-                && pair.iter().all(|&id| G::has_support(&self.shapes[id as usize])),
+                && pair.iter().all(|&id| G::is_bounded(&self.shapes[id as usize])),
             is_open: pair.iter().any(|&id| G::is_open(&self.shapes[id as usize])),
             is_curved: pair.iter().any(|&id| G::is_curved(&self.shapes[id as usize])),
             is_sleeping: false,

@@ -115,8 +115,8 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
     /// True if the shape is curved: other points of it touch as it rolls.
     fn is_curved(collider: &Self::Prepared) -> bool;
 
-    /// True if the shape has a farthest point in each direction ([`support`](Self::support)).
-    fn has_support(_: &Self::Prepared) -> bool {
+    /// True if the shape ends in each direction.
+    fn is_bounded(_: &Self::Prepared) -> bool {
         false
     }
 
@@ -137,13 +137,15 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         false
     }
 
-    /// Returns the farthest point of a shape along a direction. Returns `None` for unbounded
-    /// shapes, and for meshes, whose neighboring triangles are flush by their own topology.
-    fn support(
+    /// Returns the extent of a convex shape along a unit vector, from the origin. \[m\] Only those
+    /// parts of a mesh count that are in the ball `around`. Returns `None` for unbounded shapes, and
+    /// if there are no such parts.
+    fn extent_along(
         _: &Self::Prepared,
         _: &Self::Pose,
         _direction: Vector<f32, L>,
-    ) -> Option<Vector<f32, L>> {
+        _around: Ball<L>,
+    ) -> Option<f32> {
         None
     }
 
@@ -154,13 +156,12 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         None
     }
 
-    /// Calls `face` with the outward normal of each flat face whose plane is within `near` \[m\] of
-    /// a point.
+    /// Calls `face` with the outward normal of each flat face whose plane meets a ball, or of each
+    /// triangle of a mesh that does.
     fn faces_at(
         _: &Self::Prepared,
         _: &Self::Pose,
-        _point: Vector<f32, L>,
-        _near: f32,
+        _ball: Ball<L>,
         _face: &mut dyn FnMut(Vector<f32, L>),
     ) {
     }
@@ -295,6 +296,27 @@ pub const fn pose_numbers(dimension: usize) -> usize {
 /// Returns the first `N` numbers, with 0 for missing ones.
 fn leading<const N: usize>(numbers: &[f32]) -> [f32; N] {
     std::array::from_fn(|i| numbers.get(i).copied().unwrap_or(0.0))
+}
+
+/// A ball in space.
+#[derive(Clone, Copy, Debug)]
+pub struct Ball<const L: usize> {
+    /// Center. \[m\]
+    pub center: Vector<f32, L>,
+    /// Radius. \[m\]
+    pub radius: f32,
+}
+
+impl<const L: usize> Ball<L> {
+    /// Returns the ball in the coordinates of a frame.
+    pub fn seen_from(&self, frame: &Frame<L>) -> Self {
+        Self { center: frame.local_point(self.center), ..*self }
+    }
+
+    /// Returns the ball in space; one in the plane is at z = 0.
+    fn spatial(&self) -> Ball<3> {
+        Ball { center: Vector(leading(&self.center.0)), radius: self.radius }
+    }
 }
 
 /// Position and orientation of a frame.

@@ -19,8 +19,8 @@ use drystone_solver::lanes::Reuse;
 use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;
-use crate::cache::{CachedManifold, ManifoldCache, Pair, deepest_first};
-use crate::geometry::{Curvature, Frame, Geometry, NormalCarrier};
+use crate::cache::{CachedManifold, CachedPoint, ManifoldCache, Pair, deepest_first};
+use crate::geometry::{Ball, Curvature, Frame, Geometry, NormalCarrier};
 
 /// A neighbor is flush with a plane if it sticks out by less than this fraction of the thinner
 /// shape. \[1\]
@@ -87,6 +87,8 @@ pub(crate) struct SeamResolver<const L: usize> {
     /// By manifold and side: the next manifold of the same body.
     next: Vec<u32>,
     changes: Vec<AxisChange<L>>,
+    /// By change: whether it stands, if that is known.
+    stands: Vec<Option<bool>>,
 }
 
 /// True if a manifold got another axis than the one it was found with.
@@ -154,15 +156,14 @@ struct SeamPair<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamPair<'_, G, L, A> {
-    /// Returns the gap of the bodies along an axis from b to a, or `None` for unbounded shapes and
-    /// meshes.
-    fn along(&self, axis: Vector<f32, L>) -> Option<SeparatingAxis<L>> {
-        let farthest = |side: usize, direction: Vector<f32, L>| {
-            let far = G::support(self.shapes[side], &self.poses[side], direction)?;
-            Some(direction.dot(far))
+    /// Returns the gap of the bodies along an axis from b to a, or `None` for unbounded shapes. Of
+    /// a mesh the parts count that are `around` the contact.
+    fn along(&self, axis: Vector<f32, L>, around: Ball<L>) -> Option<SeparatingAxis<L>> {
+        let extent = |side: usize, direction: Vector<f32, L>| {
+            G::extent_along(self.shapes[side], &self.poses[side], direction, around)
         };
-        let height = farthest(1, axis)?;
-        Some(SeparatingAxis { axis, gap: -farthest(0, -axis)? - height, height })
+        let height = extent(1, axis)?;
+        Some(SeparatingAxis { axis, gap: -extent(0, -axis)? - height, height })
     }
 
     /// Returns the radii by which both are rounded about their cores where they face each other.
@@ -191,18 +192,32 @@ impl<const L: usize> SeamResolver<L> {
             let pair = &pairs[closing.pair as usize];
             let manifold = pair.first + closing.manifold;
             let change = self.decide(input, (pair, closing), manifold, cache);
-            let Some(change) = change else { continue };
-            // Two manifolds must not give way to each other.
-            let mutual = self.changes.binary_search_by_key(&change.plane, |other| other.manifold);
-            if !mutual.is_ok_and(|at| self.changes[at].plane == manifold) {
-                self.changes.push(change);
-            }
+            self.changes.extend(change);
         }
         cache.manifolds.iter_mut().for_each(|manifold| manifold.undecided = false);
-        for change in &self.changes {
-            let pair = &mut pairs[change.closing.pair as usize];
-            input.change_axis(pair, change, cache);
+        self.stands.clear();
+        self.stands.resize(self.changes.len(), None);
+        for at in 0..self.changes.len() {
+            if self.stands(at) {
+                let change = &self.changes[at];
+                let pair = &mut pairs[change.closing.pair as usize];
+                input.change_axis(pair, change, cache);
+            }
         }
+    }
+
+    /// True if a change stands: a manifold does not give way to one that gives way itself. Of
+    /// manifolds that give way in a circle, the first does.
+    fn stands(&mut self, at: usize) -> bool {
+        if let Some(known) = self.stands[at] {
+            return known;
+        }
+        self.stands[at] = Some(true);
+        let plane = self.changes[at].plane;
+        let of_plane = self.changes.binary_search_by_key(&plane, |other| other.manifold);
+        let stands = of_plane.map_or(true, |other| !self.stands(other));
+        self.stands[at] = Some(stands);
+        stands
     }
 
     /// Links the manifolds of each dynamic body into a list.
@@ -308,7 +323,9 @@ impl<const L: usize> SeamResolver<L> {
             closing,
             manifold: number,
             own: (normal, most),
+            is_sharp: corner.rounding_radius(normal) == [0.0; 2],
             planes,
+            around: around(&corner, view.points_of(manifold), near + ahead.length()),
             ahead,
             most,
             best: None,
@@ -328,8 +345,12 @@ struct AxisSearch<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     manifold: u32,
     /// Axis of the manifold, and the gap along it after the motion. \[m\]
     own: (Vector<f32, L>, f32),
+    /// True if neither body is rounded along this axis.
+    is_sharp: bool,
     /// Planes that hold one of the bodies.
     planes: &'a [HoldingPlane<L>],
+    /// The contact points and what they reach in the motion.
+    around: Ball<L>,
     /// Motion of a relative to b until the next search. \[m\]
     ahead: Vector<f32, L>,
     /// Largest gap after this motion so far. \[m\]
@@ -345,9 +366,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> AxisSearch<'_, G, L, A> 
     fn consider(&mut self, axis: Vector<f32, L>, held: Option<&HoldingPlane<L>>, side: usize) {
         let held = held.unwrap_or(&HoldingPlane::NONE);
         let (normal, then) = self.own;
-        let deepest = if axis.dot(normal) > ALIKE { then.min(0.0) } else { f32::NEG_INFINITY };
+        let rivals = self.is_sharp && axis.dot(normal) > ALIKE;
+        let deepest = if rivals { then.min(0.0) } else { f32::NEG_INFINITY };
         let least = deepest.max(-held.allowed);
-        let Some(separating) = self.corner.along(axis).filter(|of| of.gap >= least) else {
+        let Some(separating) = self.corner.along(axis, self.around).filter(|of| of.gap >= least)
+        else {
             return;
         };
         let then = separating.gap.max(0.0) + axis.dot(self.ahead);
@@ -381,7 +404,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> AxisSearch<'_, G, L, A> 
                 });
                 self.consider(axis, held, held.map_or(1 - side, |held| held.side));
             };
-            G::faces_at(shapes[side], &poses[side], positions[side], near, &mut face);
+            let ball = Ball { center: positions[side], radius: near };
+            G::faces_at(shapes[side], &poses[side], ball, &mut face);
         }
     }
 }
@@ -399,6 +423,19 @@ fn reach_of_sides<const L: usize>(
         let climbs = up.dot(ahead).abs() / up.length() * until.min(1.0);
         most.max(plane.allowed + climbs)
     })
+}
+
+/// Returns the ball about the first of some contact points that holds all of them, and what is
+/// within `near` \[m\] of them.
+fn around<G: Geometry<L, A>, const L: usize, const A: usize>(
+    corner: &SeamPair<'_, G, L, A>,
+    points: &[CachedPoint<L>],
+    near: f32,
+) -> Ball<L> {
+    let position = |point: &CachedPoint<L>| corner.frames[1].point(point.on_b);
+    let center = position(&points[0]);
+    let apart = points.iter().map(|point| (position(point) - center).length());
+    Ball { center, radius: apart.fold(0.0, f32::max) + near }
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
@@ -466,7 +503,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
         let corner = self.corner(pair);
         let [a, b] = &corner.frames;
         let of_a = change.side == 0;
-        let around = corner.rounding_radius(manifold.normal)[change.side];
+        // A cylinder is not rounded from its side to its caps.
+        let [around, now] =
+            [manifold.normal, axis].map(|along| corner.rounding_radius(along)[change.side]);
+        let around = around.min(now);
         let moved = (manifold.normal - axis) * if of_a { around } else { -around };
         for (point, cached) in points.iter_mut().zip(&mut *impulses) {
             let own = if of_a { a.point(point.on_a) } else { b.point(point.on_b) } + moved;

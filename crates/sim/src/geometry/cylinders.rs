@@ -208,7 +208,10 @@ impl PosedCylinder {
         let across: Vec3 = moment(along, self.axis);
         let nearest = from + along * found.part;
         let single = [Some([nearest + normal * found.gap, nearest]), None];
-        if !found.beside || across.dot(across) >= PARALLEL * PARALLEL * along.dot(along) {
+        // A rim that leans against the edge by rounding stands on it as the side does.
+        if normal.dot(self.axis).abs() >= PARALLEL
+            || across.dot(across) >= PARALLEL * PARALLEL * along.dot(along)
+        {
             return single;
         }
         let (rise, start) = (self.axis.dot(along), self.axis.dot(from - self.center));
@@ -590,8 +593,12 @@ impl LyingLine {
     }
 }
 
-/// Returns the points at which the rim of the nearer cap crosses a plane.
+/// Returns the points at which the rim of the nearer cap crosses a plane. A cylinder that rolls has
+/// none.
 fn crossings(facing: &Facing, on_plane: Vec3, outward: Vec3) -> [Option<Vec3>; 2] {
+    if facing.rolls {
+        return [None; 2];
+    }
     // Solve a x + b y = c with x^2 + y^2 = 1.
     let [a, b] = facing.arms.map(|arm| outward.dot(arm));
     let c = outward.dot(on_plane - facing.center);

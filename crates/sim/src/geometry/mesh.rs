@@ -10,6 +10,7 @@
 //! shapes out along its outward normals, even if their centers are inside.
 
 mod cylinder;
+mod nearby;
 mod polyhedra;
 mod rounds;
 mod solids;

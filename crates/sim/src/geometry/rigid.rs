@@ -17,8 +17,9 @@ use super::rotation::{Eight, Quaternion, each_eight, precess, precess_finely};
 use super::rounds::{RoundedCore, between_rounds, on_solid};
 use super::solid::{Cuboid, Solid};
 use super::{
-    Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint, MassProperties,
-    MeshPlace, NormalCarrier, PRECESS_LANES, Precession, Ray, Reach, Spin, SurfaceHit, leading,
+    Ball, Bounds, ContactManifold, Curvature, Frame, Geometry, LookAhead, ManifoldPoint,
+    MassProperties, MeshPlace, NormalCarrier, PRECESS_LANES, Precession, Ray, Reach, Spin,
+    SurfaceHit, leading,
 };
 
 /// Largest absolute coordinate and reach of a shape, which stands for infinity. \[m\]
@@ -94,7 +95,7 @@ impl From<Pose2> for parry2d::math::Pose {
 macro_rules! over_parry {
     (
         $parry:ident, $polyhedra:ident, $meshes:ident, $each:ident, $ask:ident, $on_other:ident,
-        $hull:ident, $form:ident, $l:literal, $a:literal
+        $near:ident, $hull:ident, $form:ident, $l:literal, $a:literal
     ) => {
         type Shape = $parry::shape::SharedShape;
         type Prepared = PreparedShape<Self::Shape, $hull, $l>;
@@ -176,12 +177,8 @@ macro_rules! over_parry {
             }
         }
 
-        fn has_support(collider: &Self::Prepared) -> bool {
-            match collider.form {
-                ContactShape::Halfspace(_) | ContactShape::Mesh(_) => false,
-                ContactShape::Other => collider.shape.as_support_map().is_some(),
-                _ => true,
-            }
+        fn is_bounded(collider: &Self::Prepared) -> bool {
+            !matches!(collider.form, ContactShape::Halfspace(_))
         }
 
         fn has_edges(collider: &Self::Prepared) -> bool {
@@ -212,23 +209,30 @@ macro_rules! over_parry {
             }
         }
 
-        fn support(
+        fn extent_along(
             collider: &Self::Prepared,
             pose: &Self::Pose,
             direction: Vector<f32, $l>,
-        ) -> Option<Vector<f32, $l>> {
+            around: Ball<$l>,
+        ) -> Option<f32> {
             let frame = <Self as Geometry<$l, $a>>::frame(pose);
             let local = frame.local_direction(direction);
-            Some(match &collider.form {
-                ContactShape::Cuboid(solid) => frame.point(solid.support(local)),
-                ContactShape::Hull(solid) => frame.point(solid.support(local)),
-                ContactShape::Halfspace(_) | ContactShape::Mesh(_) => return None,
-                _ => {
-                    let pose = $parry::math::Pose::from(*pose);
-                    let shape = collider.shape.as_support_map()?;
-                    Vector(shape.support_point(&pose, direction.0.into()).to_array())
+            let extent = match &collider.form {
+                ContactShape::Cuboid(solid) => local.dot(solid.support(local)),
+                ContactShape::Hull(solid) => local.dot(solid.support(local)),
+                ContactShape::Halfspace(_) => return None,
+                ContactShape::Mesh(mesh) => {
+                    let around = around.seen_from(&frame);
+                    let near = $near(collider, around);
+                    mesh.extent_within(near, Vector(leading(&local.0)), around.spatial())?
                 }
-            })
+                _ => {
+                    let shape = collider.shape.as_support_map()?;
+                    let farthest = shape.local_support_point(local.0.into());
+                    local.dot(Vector(farthest.to_array()))
+                }
+            };
+            Some(direction.dot(frame.position) + extent)
         }
 
         fn contains(
@@ -262,14 +266,19 @@ macro_rules! over_parry {
         fn faces_at(
             collider: &Self::Prepared,
             pose: &Self::Pose,
-            point: Vector<f32, $l>,
-            near: f32,
+            ball: Ball<$l>,
             face: &mut dyn FnMut(Vector<f32, $l>),
         ) {
             let frame = <Self as Geometry<$l, $a>>::frame(pose);
+            let ball = ball.seen_from(&frame);
+            let mut found = |normal| face(frame.direction(normal));
             match &collider.form {
-                ContactShape::Cuboid(solid) => faces_at(solid, &frame, point, near, face),
-                ContactShape::Hull(solid) => faces_at(&**solid, &frame, point, near, face),
+                ContactShape::Cuboid(solid) => faces_at(solid, ball, &mut found),
+                ContactShape::Hull(solid) => faces_at(&**solid, ball, &mut found),
+                ContactShape::Mesh(mesh) => {
+                    let found = |normal: Vector<f32, 3>| found(Vector(leading(&normal.0)));
+                    mesh.normals_within($near(collider, ball), ball.spatial(), found);
+                }
                 _ => {}
             }
         }
@@ -441,20 +450,16 @@ fn holds<const L: usize>(solid: &impl Solid<L>, point: Vector<f32, L>, near: f32
     })
 }
 
-/// Calls `found` with the outward normal of each face whose plane is within `near` \[m\] of a
-/// point.
+/// Calls `found` with the outward normal of each face whose plane meets a ball.
 fn faces_at<const L: usize>(
     solid: &impl Solid<L>,
-    frame: &Frame<L>,
-    point: Vector<f32, L>,
-    near: f32,
+    ball: Ball<L>,
     found: &mut dyn FnMut(Vector<f32, L>),
 ) {
-    let point = frame.local_point(point);
     for face in 0..solid.faces() {
         let (normal, vertex) = solid.face(face);
-        if normal.dot(point - vertex).abs() <= near {
-            found(frame.direction(normal));
+        if normal.dot(ball.center - vertex).abs() <= ball.radius {
+            found(normal);
         }
     }
 }
@@ -813,7 +818,7 @@ fn closest(
 /// and the call to parry for a ray.
 macro_rules! pieces {
     (
-        $each:ident, $ask:ident, $cast:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal
+        $each:ident, $ask:ident, $cast:ident, $near:ident, $piece:ident, $parry:ident, $hull:ident, $l:literal
     ) => {
         /// Calls `pair` with the convex pieces of two shapes that may be within `prediction` \[m\].
         /// Pieces are the shapes themselves, or each triangle of a mesh that is near the other
@@ -887,6 +892,19 @@ macro_rules! pieces {
             touch.reduce();
         }
 
+        /// Returns the triangles of a mesh that are near a ball, in the frame of the mesh.
+        fn $near(
+            collider: &PreparedShape<$parry::shape::SharedShape, $hull, $l>,
+            ball: Ball<$l>,
+        ) -> impl Iterator<Item = u32> + '_ {
+            let reach = Vector([ball.radius; $l]);
+            let corners = [ball.center - reach, ball.center + reach].map(|corner| corner.0.into());
+            let bounds = $parry::bounding_volume::Aabb::new(corners[0], corners[1]);
+            let query = $parry::partitioning::BvhNode::leaf(bounds, 0);
+            let mesh = collider.shape.as_trimesh().into_iter();
+            mesh.flat_map(move |mesh| mesh.bvh().leaves(move |node| node.intersects(&query)))
+        }
+
         /// Returns where parry finds that a ray enters a shape, in the frame of the shape.
         fn $cast(
             collider: &PreparedShape<$parry::shape::SharedShape, $hull, $l>,
@@ -907,8 +925,17 @@ macro_rules! pieces {
     };
 }
 
-pieces!(each_piece_2, ask_parry_2, cast_parry_2, ConvexPart2, parry2d, ConvexPolygon, 2);
-pieces!(each_piece_3, ask_parry_3, cast_parry_3, ConvexPart3, parry3d, Hull, 3);
+pieces!(
+    each_piece_2,
+    ask_parry_2,
+    cast_parry_2,
+    triangles_near_2,
+    ConvexPart2,
+    parry2d,
+    ConvexPolygon,
+    2
+);
+pieces!(each_piece_3, ask_parry_3, cast_parry_3, triangles_near_3, ConvexPart3, parry3d, Hull, 3);
 
 /// Returns where a ray enters a cylinder or a shape that is left to parry, in the frame of the
 /// shape.
@@ -1024,6 +1051,7 @@ impl Geometry<2, 1> for Rigid2 {
         each_piece_2,
         ask_parry_2,
         cast_parry_2,
+        triangles_near_2,
         ConvexPolygon,
         form_2,
         2,
@@ -1213,6 +1241,7 @@ impl Geometry<3, 3> for Rigid3 {
         each_piece_3,
         ask_parry_3,
         cast_cylinder_or_parry,
+        triangles_near_3,
         Hull,
         form_3,
         3,

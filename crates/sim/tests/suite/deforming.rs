@@ -158,7 +158,7 @@ fn a_rigid_deformation_equals_a_rigid_motion() {
 fn sphere() -> SharedShape {
     let (vertices, triangles) = parry3d::shape::Ball::new(0.5).to_trimesh(24, 24);
     let vertices: Vec<[f32; 3]> = vertices.iter().map(|vertex| vertex.to_array()).collect();
-    mesh(&vertices, &triangles)
+    Rigid3::mesh(&vertices, &triangles)
 }
 
 /// A sphere that grows by 0.5 m/s pushes a ball and a box away at its speed, and gives them the

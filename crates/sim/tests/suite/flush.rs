@@ -13,8 +13,18 @@ enum Floor {
     Boxes,
     /// One body with a hull for each slab.
     Hulls,
+    /// One body with a closed triangle mesh for each slab.
+    Meshes,
+    /// One body with an open triangle mesh for the top of each slab.
+    Sheets,
     /// A single body with the boxes of all slabs.
     Parts,
+}
+
+/// All constructions of separate bodies in `L` dimensions.
+fn separate<const L: usize>() -> &'static [Floor] {
+    let all = &[Floor::Boxes, Floor::Hulls, Floor::Meshes, Floor::Sheets];
+    if L == 3 { all } else { &all[..2] }
 }
 
 /// A ride over seams.
@@ -45,6 +55,22 @@ impl Ride {
     };
 }
 
+/// The triangles of a box with these [`corners`]: first those of its top.
+const BOX: [[u32; 3]; 12] = [
+    [2, 6, 7],
+    [2, 7, 3],
+    [0, 1, 5],
+    [0, 5, 4],
+    [0, 2, 3],
+    [0, 3, 1],
+    [4, 5, 7],
+    [4, 7, 6],
+    [0, 4, 6],
+    [0, 6, 2],
+    [1, 3, 7],
+    [1, 7, 5],
+];
+
 /// Returns the corners of a box.
 fn corners<const L: usize>(half: [f32; L]) -> Vec<[f32; L]> {
     let corner =
@@ -52,21 +78,47 @@ fn corners<const L: usize>(half: [f32; L]) -> Vec<[f32; L]> {
     (0..1 << L).map(corner).collect()
 }
 
+/// Returns the shape of a slab.
+fn slab<G: Rigid<L, A>, const L: usize, const A: usize>(floor: Floor, half: [f32; L]) -> G::Shape {
+    match floor {
+        Floor::Boxes | Floor::Parts => G::cuboid(half),
+        Floor::Hulls => G::hull(&corners(half)),
+        Floor::Meshes => G::mesh(&corners(half), &BOX),
+        Floor::Sheets => G::mesh(&corners(half), &BOX[..2]),
+    }
+}
+
+/// A body that slides or rolls.
+struct Slider<S> {
+    shape: S,
+    /// An angle or a quaternion, empty for none.
+    rotation: &'static [f32],
+    rolls: bool,
+}
+
+fn sliding<S>(shape: S) -> Slider<S> {
+    Slider { shape, rotation: &[], rolls: false }
+}
+
+fn rolling<S>(shape: S) -> Slider<S> {
+    Slider { rolls: true, ..sliding(shape) }
+}
+
 /// Returns the largest loss of speed, as a fraction of it, and the largest rise of the slider
 /// \[m\].
 fn ride<G: Rigid<L, A>, const L: usize, const A: usize>(
     ride: Ride,
-    shape: G::Shape,
-    rolls: bool,
+    slider: Slider<G::Shape>,
 ) -> [f32; 2] {
     let Ride { floor, supports, size, speed, rate, realtime, step } = ride;
     let settings = if realtime { StepSettings::realtime() } else { StepSettings::certified() };
     let mut world = World::<G, L, A>::new(settings);
     world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
+    let Slider { shape, rotation, rolls } = slider;
     let material = surface(if rolls { 0.5 } else { 0.0 }, 0.0);
     let slab = 4.0 * size;
     let half: [f32; L] = v(0.5 * slab, size, 4.0 * size);
-    let shape_of = || if floor == Floor::Hulls { G::hull(&corners(half)) } else { G::cuboid(half) };
+    let shape_of = || self::slab::<G, L, A>(floor, half);
     let place = |at: i32| -> [f32; L] {
         v(slab * (at as f32 + 0.5), if at >= 0 { step } else { 0.0 } - size, 0.0)
     };
@@ -92,6 +144,7 @@ fn ride<G: Rigid<L, A>, const L: usize, const A: usize>(
     }
     let start = -1.6 * slab;
     let mut slider = moving(dynamic(v(start, size, 0.0), shape, &material), v(speed, 0.0, 0.0));
+    slider.pose = G::pose(Vector(v(start, size, 0.0)), rotation);
     if rolls {
         slider.velocity.angular[A - 1] = -speed / size;
     }
@@ -110,10 +163,9 @@ fn ride<G: Rigid<L, A>, const L: usize, const A: usize>(
 fn check<G: Rigid<L, A>, const L: usize, const A: usize>(
     of: Ride,
     name: &str,
-    shape: G::Shape,
-    rolls: bool,
+    slider: Slider<G::Shape>,
 ) {
-    let [lost, rise] = ride::<G, L, A>(of, shape, rolls);
+    let [lost, rise] = ride::<G, L, A>(of, slider);
     let most = 1e-3;
     // A slow box that sags over a seam leans by a milliradian: gravity then takes a few mm/s of its
     // speed.
@@ -123,27 +175,46 @@ fn check<G: Rigid<L, A>, const L: usize, const A: usize>(
     );
 }
 
-/// Checks a box, a hull, balls and a capsule on this ride.
+/// Checks a box, a hull, balls, a capsule, and in 3D cylinders, on this ride.
 fn all<G: Rigid<L, A>, const L: usize, const A: usize>(of: Ride) {
     let Ride { size, .. } = of;
-    check::<G, L, A>(of, "box", G::cuboid([size; L]), false);
-    check::<G, L, A>(of, "hull", G::hull(&corners([size; L])), false);
-    check::<G, L, A>(of, "ball", G::ball(size), true);
-    check::<G, L, A>(of, "sliding ball", G::ball(size), false);
-    check::<G, L, A>(of, "capsule", G::capsule(0.5 * size, 0.5 * size), false);
+    check::<G, L, A>(of, "box", sliding(G::cuboid([size; L])));
+    check::<G, L, A>(of, "hull", sliding(G::hull(&corners([size; L]))));
+    check::<G, L, A>(of, "ball", rolling(G::ball(size)));
+    check::<G, L, A>(of, "sliding ball", sliding(G::ball(size)));
+    check::<G, L, A>(of, "capsule", sliding(G::capsule(0.5 * size, 0.5 * size)));
+    if L == 3 {
+        const QUARTER: f32 = std::f32::consts::FRAC_1_SQRT_2;
+        let check = |name: &str, slider: Slider<parry3d::shape::SharedShape>| {
+            check::<Rigid3, 3, 3>(of, name, slider);
+        };
+        let cylinder = || parry3d::shape::SharedShape::cylinder(size, size);
+        let (along, across) = (&[0.0, 0.0, QUARTER, QUARTER], &[QUARTER, 0.0, 0.0, QUARTER]);
+        check("cylinder upright", sliding(cylinder()));
+        check("cylinder along", Slider { rotation: along, ..sliding(cylinder()) });
+        check("cylinder across", Slider { rotation: across, ..sliding(cylinder()) });
+        check("rolling cylinder", Slider { rotation: across, ..rolling(cylinder()) });
+    }
+}
+
+/// Checks all shapes on this ride, on all constructions of separate bodies.
+fn all_floors<G: Rigid<L, A>, const L: usize, const A: usize>(of: Ride) {
+    for &floor in separate::<L>() {
+        all::<G, L, A>(Ride { floor, ..of });
+    }
 }
 
 /// Sliders lose less than 1 % of their speed and rise by less than 1 mm over seams of static and
 /// kinematic slabs.
 #[test]
 fn seams_of_all_supports_cause_no_ghost_collisions() {
-    for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
-        for supports in [Motion::Static, Motion::Kinematic] {
-            for realtime in [false, true] {
-                let of = Ride { floor, supports, realtime, ..Ride::PLAIN };
-                all::<Rigid2, 2, 1>(of);
-                all::<Rigid3, 3, 3>(of);
-            }
+    for supports in [Motion::Static, Motion::Kinematic] {
+        for realtime in [false, true] {
+            let of = Ride { supports, realtime, ..Ride::PLAIN };
+            all_floors::<Rigid2, 2, 1>(of);
+            all_floors::<Rigid3, 3, 3>(of);
+            all::<Rigid2, 2, 1>(Ride { floor: Floor::Parts, ..of });
+            all::<Rigid3, 3, 3>(Ride { floor: Floor::Parts, ..of });
         }
     }
 }
@@ -169,7 +240,7 @@ fn seams_cause_no_ghost_collisions_at_any_speed_and_rate() {
         for rate in [24.0, 60.0, 240.0] {
             for realtime in [false, true] {
                 let of = Ride { speed, rate, realtime, ..Ride::PLAIN };
-                all::<Rigid3, 3, 3>(of);
+                all_floors::<Rigid3, 3, 3>(of);
             }
         }
     }
@@ -181,8 +252,8 @@ fn seams_cause_no_ghost_collisions_at_any_size() {
     for size in [0.02, 0.05, 1.0, 4.0] {
         for realtime in [false, true] {
             let of = Ride { size, realtime, speed: 2.0, ..Ride::PLAIN };
-            all::<Rigid3, 3, 3>(of);
-            all::<Rigid2, 2, 1>(of);
+            all_floors::<Rigid3, 3, 3>(of);
+            all_floors::<Rigid2, 2, 1>(of);
         }
     }
 }
@@ -192,11 +263,15 @@ fn seams_cause_no_ghost_collisions_at_any_size() {
 fn a_step_in_the_floor_stops_sliders() {
     for size in [0.05, 0.5] {
         for realtime in [false, true] {
-            for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
-                let of = Ride { size, speed: 2.0, realtime, floor, step: 0.005, ..Ride::PLAIN };
-                let [lost, _] = ride::<Rigid3, 3, 3>(of, Rigid3::cuboid([size; 3]), false);
+            let of = Ride { size, speed: 2.0, realtime, step: 0.005, ..Ride::PLAIN };
+            for &floor in [Floor::Parts].iter().chain(separate::<3>()) {
+                let of = Ride { floor, ..of };
+                let [lost, _] = ride::<Rigid3, 3, 3>(of, sliding(Rigid3::cuboid([size; 3])));
                 assert!(lost > 0.5, "{lost} lost: {of:?}");
-                let [lost, _] = ride::<Rigid2, 2, 1>(of, Rigid2::cuboid([size; 2]), false);
+            }
+            for floor in [Floor::Boxes, Floor::Hulls, Floor::Parts] {
+                let of = Ride { floor, ..of };
+                let [lost, _] = ride::<Rigid2, 2, 1>(of, sliding(Rigid2::cuboid([size; 2])));
                 assert!(lost > 0.5, "2D: {lost} lost: {of:?}");
             }
         }
@@ -280,7 +355,8 @@ fn bodies_that_land_at_a_seam_keep_their_speed() {
 struct Fall {
     /// Motion of the bodies of the wall.
     wall: Motion,
-    hulls: bool,
+    /// Their construction.
+    shape: Floor,
     /// Half of the size of all bodies. \[m\]
     size: f32,
     /// Speed at the start. \[m/s\]
@@ -295,20 +371,21 @@ struct Fall {
 /// Returns the deepest overlap during a fall \[m\], the largest speed across the wall \[m/s\], and
 /// the largest error of the speed along it, as a fraction of that speed.
 fn fall<G: Rigid<L, A>, const L: usize, const A: usize>(fall: Fall) -> [f32; 3] {
-    let Fall { wall, hulls, size, speed, beside, tilt, realtime } = fall;
+    let Fall { wall, shape, size, speed, beside, tilt, realtime } = fall;
     let settings = if realtime { StepSettings::realtime() } else { StepSettings::certified() };
     let mut world = World::<G, L, A>::new(settings);
     world.gravity = Vector(v(0.0, -GRAVITY, 0.0));
     let smooth = surface(0.0, 0.0);
     let half: [f32; L] = v(size, size, size);
-    let shape = || if hulls { G::hull(&corners(half)) } else { G::cuboid(half) };
+    let block = || slab::<G, L, A>(shape, half);
     let ground = G::halfspace(v(0.0, 1.0, 0.0));
     world.add(body(Motion::Static, v(0.0, -size, 0.0), ground, &smooth)).unwrap();
     for at in [0.0, 2.0] {
-        world.add(body(wall, v(-size, at * size, 0.0), shape(), &smooth)).unwrap();
+        world.add(body(wall, v(-size, at * size, 0.0), block(), &smooth)).unwrap();
     }
     let start: [f32; L] = v(size * (1.0 + beside + tilt.abs()), 2.3 * size, 0.0);
-    let mut falling = moving(dynamic(start, shape(), &smooth), v(0.0, -speed, 0.0));
+    let own = if shape == Floor::Meshes { G::cuboid(half) } else { block() };
+    let mut falling = moving(dynamic(start, own, &smooth), v(0.0, -speed, 0.0));
     falling.pose = G::turned(start, tilt);
     let falling = world.add(falling).unwrap();
     let (mut fallen, mut worst) = (0.0, [0.0f32; 3]);
@@ -330,23 +407,32 @@ fn fall<G: Rigid<L, A>, const L: usize, const A: usize>(fall: Fall) -> [f32; 3] 
 #[test]
 fn bodies_fall_along_flush_walls() {
     const TILTS: [f32; 7] = [0.0, 1e-4, -1e-4, 1e-3, -1e-3, -1e-2, -0.1];
-    for bits in 0..8 {
-        let bit = |at: u32| bits >> at & 1 == 1;
-        let wall = if bit(0) { Motion::Dynamic } else { Motion::Static };
+    let walls = [
+        (Motion::Static, Floor::Boxes),
+        (Motion::Static, Floor::Hulls),
+        (Motion::Static, Floor::Meshes),
+        (Motion::Dynamic, Floor::Boxes),
+        (Motion::Dynamic, Floor::Hulls),
+    ];
+    for ((wall, shape), realtime) in walls.into_iter().flat_map(|of| [(of, false), (of, true)]) {
         for (size, speed, beside) in [0.05, 5.0]
             .into_iter()
             .flat_map(|size| [0.0, 1.0, 10.0].map(|speed| (size, speed)))
             .flat_map(|(size, speed)| [0.0, 1e-3, 1e-2, 0.1].map(|by| (size, speed, by)))
         {
             for tilt in TILTS {
-                let of = Fall { wall, hulls: bit(1), size, speed, beside, tilt, realtime: bit(2) };
-                for [overlap, aside, error] in [fall::<Rigid2, 2, 1>(of), fall::<Rigid3, 3, 3>(of)]
-                {
-                    assert!(overlap < 2e-3, "{of:?}: {overlap} m deep");
-                    assert!(aside < 0.02, "{of:?}: {aside} m/s aside");
-                    assert!(error < 1e-3, "{of:?}: {error} of the speed");
+                let of = Fall { wall, shape, size, speed, beside, tilt, realtime };
+                check_fall(of, fall::<Rigid3, 3, 3>(of));
+                if shape != Floor::Meshes {
+                    check_fall(of, fall::<Rigid2, 2, 1>(of));
                 }
             }
         }
     }
+}
+
+fn check_fall(of: Fall, [overlap, aside, error]: [f32; 3]) {
+    assert!(overlap < 2e-3, "{of:?}: {overlap} m deep");
+    assert!(aside < 0.02, "{of:?}: {aside} m/s aside");
+    assert!(error < 1e-3, "{of:?}: {error} of the speed");
 }

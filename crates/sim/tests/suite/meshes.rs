@@ -71,7 +71,7 @@ impl Terrain {
                 triangles.extend([[a, b, c], [b, c + 1, c]]);
             }
         }
-        mesh(&vertices, &wound(&triangles, winding))
+        Rigid3::mesh(&vertices, &wound(&triangles, winding))
     }
 
     /// Returns the height of the ground at a position. \[m\]
@@ -239,7 +239,7 @@ fn trough(strips: u32, winding: Winding) -> SharedShape {
         let a = 2 * i;
         triangles.extend([[a, a + 1, a + 2], [a + 1, a + 3, a + 2]]);
     }
-    mesh(&vertices, &wound(&triangles, winding))
+    Rigid3::mesh(&vertices, &wound(&triangles, winding))
 }
 
 /// A ball or capsule in a trough of strips drifts along it by less than 0.1 mm in 10 s.
@@ -293,7 +293,7 @@ fn a_cup_has_two_sides() {
             let mut world = with(&settings);
             let rough = surface(0.4, 0.0);
             add_floor(&mut world, &rough);
-            let cup = mesh(&vertices, &wound(&triangles, winding));
+            let cup = Rigid3::mesh(&vertices, &wound(&triangles, winding));
             world.add(body(Motion::Static, [0.0, 0.05, 0.0], cup, &rough)).unwrap();
             let mut ball = |x: f32, y: f32, z: f32, speed: f32| {
                 let ball = dynamic([x, y, z], Rigid3::ball(0.02), &rough);
@@ -345,7 +345,7 @@ fn block(n: u32, winding: Winding) -> SharedShape {
             }
         }
     }
-    mesh(&vertices, &wound(&triangles, winding))
+    Rigid3::mesh(&vertices, &wound(&triangles, winding))
 }
 
 /// A closed mesh pushes out a body whose center is inside, and one whose faces all look inward is a

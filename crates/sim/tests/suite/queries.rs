@@ -405,7 +405,7 @@ fn meshes_are_hit_from_both_sides() {
         assert_hit(cast(floor(), [0.3, height, 0.4], way), 3.0, [0.0, normal, 0.0]);
         assert_eq!(cast(floor(), [1.3, height, 0.4], way), None);
     }
-    let shell = mesh(
+    let shell = Rigid3::mesh(
         &[[1.0, -1.0, -1.0], [-1.0, -1.0, -1.0], [0.0, -1.0, 1.0], [0.0, 1.0, 0.0]],
         &[[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]],
     );

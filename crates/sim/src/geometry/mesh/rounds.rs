@@ -92,7 +92,7 @@ impl RoundQuery<'_> {
             (Some(rim), over) => {
                 if rim.distance - radius <= prediction {
                     let upright = side * facet.normal.dot(rim.direction) > UPRIGHT;
-                    if upright && !hidden && round.ends[0] != round.ends[1] {
+                    if upright && !hidden {
                         let [first, last] = over.unwrap_or([rim.along; 2]);
                         let range = [first.min(rim.along), last.max(rim.along)];
                         self.is_over(face.facet, side, range, gathered);
@@ -203,12 +203,11 @@ impl RoundQuery<'_> {
         let is_ball = self.round.ends[0] == self.round.ends[1];
         let gives = match part {
             MeshPart::Edge(edge) => {
-                surface.edge_gives(edge, direction)
-                    && (is_ball || !surface.edge_is_flush(edge, direction))
+                surface.edge_gives(edge, direction) && !surface.edge_is_flush(edge, direction)
             }
             MeshPart::Vertex(vertex) => {
                 surface.vertex_gives(vertex, direction)
-                    && (is_ball || !surface.vertex_is_flush(vertex, direction))
+                    && !surface.vertex_is_flush(vertex, direction)
             }
             _ => false,
         };

@@ -35,6 +35,9 @@ pub(crate) trait Rigid<const L: usize, const A: usize>: RoundShapes<L, A> {
     fn cuboid(half: [f32; L]) -> Self::Shape;
     fn capsule(half_height: f32, radius: f32) -> Self::Shape;
     fn hull(points: &[[f32; L]]) -> Self::Shape;
+    /// Returns a triangle mesh as scenes build it: bodies slide over its inner edges without
+    /// catching.
+    fn mesh(vertices: &[[f32; L]], triangles: &[[u32; 3]]) -> Self::Shape;
     /// Returns the pose at `position`, rotated by `angle` \[rad\] about z.
     fn turned(position: [f32; L], angle: f32) -> Self::Pose;
 }
@@ -79,6 +82,15 @@ macro_rules! rigid {
                 $parry::shape::SharedShape::convex_hull(&points).unwrap()
             }
 
+            fn mesh(vertices: &[[f32; $l]], triangles: &[[u32; 3]]) -> Self::Shape {
+                use $parry::shape::{SharedShape, TriMeshFlags};
+                let vertices = vertices.iter().map(|v| $parry::math::Vector::from(*v)).collect();
+                let flags = TriMeshFlags::FIX_INTERNAL_EDGES
+                    | TriMeshFlags::MERGE_DUPLICATE_VERTICES
+                    | TriMeshFlags::DELETE_DEGENERATE_TRIANGLES;
+                SharedShape::trimesh_with_flags(vertices, triangles.to_vec(), flags).unwrap()
+            }
+
             fn turned(position: [f32; $l], angle: f32) -> Self::Pose {
                 Self::pose(Vector(position), &$rotation(angle))
             }
@@ -103,16 +115,6 @@ rigid!(
     |angle: f32| [0.0, 0.0, (angle * 0.5).sin(), (angle * 0.5).cos()]
 );
 
-/// Returns a triangle mesh as scenes build it: bodies slide over its inner edges without catching.
-pub(crate) fn mesh(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> parry3d::shape::SharedShape {
-    use parry3d::shape::{SharedShape, TriMeshFlags};
-    let vertices = vertices.iter().map(|v| parry3d::math::Vector::from(*v)).collect();
-    let flags = TriMeshFlags::FIX_INTERNAL_EDGES
-        | TriMeshFlags::MERGE_DUPLICATE_VERTICES
-        | TriMeshFlags::DELETE_DEGENERATE_TRIANGLES;
-    SharedShape::trimesh_with_flags(vertices, triangles.to_vec(), flags).unwrap()
-}
-
 /// Returns a flat floor of `n` times `n` squares of two triangles each, centered and facing up.
 pub(crate) fn grid(n: u32, size: f32) -> parry3d::shape::SharedShape {
     let at = |i: u32| (i as f32 / n as f32 - 0.5) * size;
@@ -131,7 +133,7 @@ pub(crate) fn grid(n: u32, size: f32) -> parry3d::shape::SharedShape {
             triangles.push([ahead, right + 1, right]);
         }
     }
-    mesh(&vertices, &triangles)
+    Rigid3::mesh(&vertices, &triangles)
 }
 
 /// Returns an empty world with gravity along -y.
