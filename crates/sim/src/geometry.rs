@@ -131,22 +131,22 @@ pub trait Geometry<const L: usize, const A: usize>: Clone + Send + Sync + 'stati
         0.0
     }
 
-    /// True if a point is inside a box or a hull, or outside by no more than `near`. \[m\] False
-    /// for all other shapes.
-    fn contains(_: &Self::Prepared, _: &Self::Pose, _point: Vector<f32, L>, _near: f32) -> bool {
-        false
-    }
-
-    /// Returns the extent of a convex shape along a unit vector, from the origin. \[m\] Only those
-    /// parts of a mesh count that are in the ball `around`. Returns `None` for unbounded shapes, and
-    /// if there are no such parts.
-    fn extent_along(
+    /// Returns the farthest point of a convex shape along a unit vector. Of a mesh, only the center
+    /// of the ball `around` counts, and the edge of the mesh above it. Returns `None` if there is
+    /// none in the ball, and for unbounded shapes.
+    fn support(
         _: &Self::Prepared,
         _: &Self::Pose,
         _direction: Vector<f32, L>,
         _around: Ball<L>,
-    ) -> Option<f32> {
+    ) -> Option<Vector<f32, L>> {
         None
+    }
+
+    /// True if a convex solid with flat faces, or the surface of a mesh, reaches into a ball. False
+    /// for all other shapes.
+    fn reaches(_: &Self::Prepared, _: &Self::Pose, _: Ball<L>) -> bool {
+        false
     }
 
     /// Returns the center and the collider of a ball inside a convex shape. However fast the shape

@@ -18,7 +18,7 @@ use drystone_solver::lanes::{FAR, Reuse};
 use crate::bodies::Bodies;
 use crate::cache::{self, ManifoldCache, Pair, deepest_first};
 use crate::colliders::Colliders;
-use crate::geometry::{ContactManifold, Geometry, MAX_POINTS, ManifoldPoint};
+use crate::geometry::{Ball, ContactManifold, Geometry, MAX_POINTS, ManifoldPoint};
 
 /// Normals with a larger cosine between them count as equal. \[1\]
 const SAME: f32 = 1.0 - 1e-4;
@@ -77,7 +77,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Shapes<'_, G, L, A> {
         } else {
             position
         };
-        G::contains(&self.colliders.shapes[shape], &self.colliders.poses[shape], position, near)
+        let ball = Ball { center: position, radius: near };
+        G::reaches(&self.colliders.shapes[shape], &self.colliders.poses[shape], ball)
     }
 }
 

@@ -20,7 +20,7 @@ use drystone_solver::{Vector, Velocity};
 
 use crate::bodies::Bodies;
 use crate::cache::{CachedManifold, CachedPoint, ManifoldCache, Pair, deepest_first};
-use crate::geometry::{Ball, Curvature, Frame, Geometry, NormalCarrier};
+use crate::geometry::{Ball, Curvature, Frame, Geometry, MAX_POINTS, NormalCarrier};
 
 /// A neighbor is flush with a plane if it sticks out by less than this fraction of the thinner
 /// shape. \[1\]
@@ -46,6 +46,9 @@ const SAME: f32 = 1.0 - 1e-6;
 
 /// Axes with a larger cosine between them hold bodies in nearly the same direction. \[1\]
 const ALIKE: f32 = 0.95;
+
+/// Largest slope of meshes that are taken as flush. \[1\]
+const SLOPE: f32 = 0.3;
 
 /// A plane does not hold bodies along an axis if the cosine between its normal and the axis is less
 /// than this. \[1\]
@@ -86,6 +89,8 @@ pub(crate) struct SeamResolver<const L: usize> {
     first: Vec<u32>,
     /// By manifold and side: the next manifold of the same body.
     next: Vec<u32>,
+    /// By manifold: its pair.
+    pair_of: Vec<u32>,
     changes: Vec<AxisChange<L>>,
     /// By change: whether it stands, if that is known.
     stands: Vec<Option<bool>>,
@@ -110,6 +115,8 @@ struct AxisChange<const L: usize> {
     /// the one that passes the other's face.
     side: usize,
     separating: SeparatingAxis<L>,
+    /// True if the new axis is close to the old one, so that it holds the bodies as that one did.
+    slight: bool,
 }
 
 /// An axis that holds two bodies apart.
@@ -119,8 +126,9 @@ struct SeparatingAxis<const L: usize> {
     axis: Vector<f32, L>,
     /// Gap along the axis. \[m\]
     gap: f32,
-    /// Extent of b along the axis, from the center of mass of b. \[m\]
-    height: f32,
+    /// Heights along the axis of the lowest point of a and the highest one of b, from the center of
+    /// mass of b: at each contact point. \[m\]
+    levels: [[f32; 2]; MAX_POINTS],
 }
 
 /// A contact that holds one of two bodies above a plane.
@@ -153,17 +161,48 @@ struct SeamPair<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     shapes: [&'a G::Prepared; 2],
     poses: [G::Pose; 2],
     frames: [Frame<L>; 2],
+    /// Body b.
+    base: u32,
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamPair<'_, G, L, A> {
-    /// Returns the gap of the bodies along an axis from b to a, or `None` for unbounded shapes. Of
-    /// a mesh the parts count that are `around` the contact.
-    fn along(&self, axis: Vector<f32, L>, around: Ball<L>) -> Option<SeparatingAxis<L>> {
-        let extent = |side: usize, direction: Vector<f32, L>| {
-            G::extent_along(self.shapes[side], &self.poses[side], direction, around)
+    /// Returns the gap of the bodies along an axis from b to a, or `None` for unbounded shapes. Of a
+    /// mesh those parts count that are in the balls `around` the contact points on a and b.
+    fn along(&self, axis: Vector<f32, L>, around: &[[Ball<L>; 2]]) -> Option<SeparatingAxis<L>> {
+        let level = |side: usize, ball: &Ball<L>| {
+            let outward = if side == 0 { -axis } else { axis };
+            Some(axis.dot(G::support(self.shapes[side], &self.poses[side], outward, *ball)?))
         };
-        let height = extent(1, axis)?;
-        Some(SeparatingAxis { axis, gap: -extent(0, -axis)? - height, height })
+        let mut levels = [[0.0; 2]; MAX_POINTS];
+        for (at, [a, b]) in around.iter().enumerate() {
+            let known = at > 0 && !self.has_mesh();
+            levels[at] = if known { levels[0] } else { [level(0, a)?, level(1, b)?] };
+        }
+        let gaps = levels[..around.len()].iter().map(|[a, b]| a - b);
+        Some(SeparatingAxis { axis, gap: gaps.fold(f32::INFINITY, f32::min), levels })
+    }
+
+    /// Returns the balls of a radius \[m\] about contact points on a and b.
+    fn around(&self, points: &[CachedPoint<L>], radius: f32) -> [[Ball<L>; 2]; MAX_POINTS] {
+        let mut around = [[Ball { center: Vector::ZERO, radius }; 2]; MAX_POINTS];
+        for ([a, b], point) in around.iter_mut().zip(points) {
+            a.center = self.frames[0].point(point.on_a);
+            b.center = self.frames[1].point(point.on_b);
+        }
+        around
+    }
+
+    fn has_mesh(&self) -> bool {
+        self.shapes.iter().any(|shape| G::is_open(shape))
+    }
+
+    /// True if a normal is that of a face of a mesh.
+    fn is_face_of_mesh(&self, normal: NormalCarrier) -> bool {
+        match normal {
+            NormalCarrier::FaceOfA => G::is_open(self.shapes[0]),
+            NormalCarrier::FaceOfB => G::is_open(self.shapes[1]),
+            _ => false,
+        }
     }
 
     /// Returns the radii by which both are rounded about their cores where they face each other.
@@ -187,11 +226,10 @@ impl<const L: usize> SeamResolver<L> {
         let mut linked = false;
         for closing in closing {
             if !std::mem::replace(&mut linked, true) {
-                self.link(input.bodies, cache);
+                self.link(input.bodies, pairs, cache);
             }
-            let pair = &pairs[closing.pair as usize];
-            let manifold = pair.first + closing.manifold;
-            let change = self.decide(input, (pair, closing), manifold, cache);
+            let manifold = pairs[closing.pair as usize].first + closing.manifold;
+            let change = self.decide(input, pairs, (closing, manifold), cache);
             self.changes.extend(change);
         }
         cache.manifolds.iter_mut().for_each(|manifold| manifold.undecided = false);
@@ -206,7 +244,7 @@ impl<const L: usize> SeamResolver<L> {
         }
     }
 
-    /// True if a change stands: a manifold does not give way to one that gives way itself. Of
+    /// True if a change stands: a manifold does not give way to one that gives way to another. Of
     /// manifolds that give way in a circle, the first does.
     fn stands(&mut self, at: usize) -> bool {
         if let Some(known) = self.stands[at] {
@@ -215,7 +253,8 @@ impl<const L: usize> SeamResolver<L> {
         self.stands[at] = Some(true);
         let plane = self.changes[at].plane;
         let of_plane = self.changes.binary_search_by_key(&plane, |other| other.manifold);
-        let stands = of_plane.map_or(true, |other| !self.stands(other));
+        let stands =
+            of_plane.map_or(true, |other| self.changes[other].slight || !self.stands(other));
         self.stands[at] = Some(stands);
         stands
     }
@@ -224,8 +263,14 @@ impl<const L: usize> SeamResolver<L> {
     fn link<G: Geometry<L, A>, const A: usize>(
         &mut self,
         bodies: &Bodies<G, L, A>,
+        pairs: &[Pair],
         cache: &ManifoldCache<L>,
     ) {
+        self.pair_of.clear();
+        self.pair_of.resize(cache.manifolds.len(), 0);
+        for (pair, number) in pairs.iter().zip(0..).filter(|(pair, _)| !pair.is_sleeping) {
+            self.pair_of[pair.manifolds()].fill(number);
+        }
         self.first.clear();
         self.first.resize(bodies.poses.len(), END);
         self.next.clear();
@@ -248,18 +293,22 @@ impl<const L: usize> SeamResolver<L> {
     }
 
     /// Returns the planes above which contacts hold a body of a manifold, and their number. A plane
-    /// counts if the other body does not stick out of it at the contact, which is at `positions` on
-    /// both bodies.
+    /// counts if the other body does not stick out of it at its contact point, or is flush with the
+    /// body that holds it.
     fn planes<G: Geometry<L, A>, const A: usize>(
         &self,
-        bodies: &Bodies<G, L, A>,
-        (pair, manifold): (&Pair, &CachedManifold<L>),
-        (number, positions): (u32, &[Vector<f32, L>; 2]),
+        input: &SeamInput<'_, G, L, A>,
+        (pairs, pair, manifold): (&[Pair], &Pair, &CachedManifold<L>),
+        (corner, around): (&SeamPair<'_, G, L, A>, &[[Ball<L>; 2]]),
         cache: &ManifoldCache<L>,
     ) -> ([HoldingPlane<L>; PLANES], usize) {
         let (view, mut planes, mut count) = (cache.view(), [HoldingPlane::NONE; PLANES], 0);
+        let is_deep = view.impulses_of(manifold)[0].gap[0] < -MOST_SAG * pair.thickness;
         for side in 0..2 {
-            let others = self.of(manifold.bodies[side]).filter(|(other, _)| *other != number);
+            // A mesh decides among its own faces, unless it reports that a body is far inside.
+            let own = if is_deep { 0..0 } else { pair.manifolds() };
+            let others = self.of(manifold.bodies[side]);
+            let others = others.filter(|(other, _)| !own.contains(&(*other as usize)));
             for (other, is_b) in others.take(PLANES) {
                 let holding = &cache.manifolds[other as usize];
                 let outward = holding.normal * if is_b { -1.0 } else { 1.0 };
@@ -268,16 +317,29 @@ impl<const L: usize> SeamResolver<L> {
                     continue;
                 }
                 let gap = view.impulses_of(holding)[0].gap[0];
-                let position = view.points_of(holding)[0].push_point
-                    + bodies.relative_position([holding.bodies[1], manifold.bodies[1]]);
+                let apart = input.bodies.relative_position([holding.bodies[1], manifold.bodies[1]]);
+                let position = view.points_of(holding)[0].push_point + apart;
                 let sag = (-gap).max(0.0);
-                let allowed = (SAGS * sag + FLUSH * pair.thickness).min(MOST_SAG * pair.thickness);
-                if outward.dot(positions[1 - side] - position) <= allowed {
-                    let holder = holding.bodies[usize::from(!is_b)];
-                    planes[count] =
-                        HoldingPlane { manifold: other, side, axis, allowed, holder, gap };
-                    count += 1;
+                let most = MOST_SAG * pair.thickness;
+                let allowed = (SAGS * sag + FLUSH * pair.thickness).min(most);
+                let mut plane = HoldingPlane {
+                    manifold: other,
+                    side,
+                    axis,
+                    allowed,
+                    holder: holding.bodies[usize::from(!is_b)],
+                    gap,
+                };
+                let holder = &pairs[self.pair_of[other as usize] as usize];
+                if corner.has_mesh()
+                    && input.is_flush((holder, is_b), &plane, (corner, around), pair.thickness)
+                {
+                    plane.allowed = most;
+                } else if outward.dot(around[0][1 - side].center - position) > allowed {
+                    continue;
                 }
+                planes[count] = plane;
+                count += 1;
             }
         }
         (planes, count)
@@ -287,22 +349,26 @@ impl<const L: usize> SeamResolver<L> {
     fn decide<G: Geometry<L, A>, const A: usize>(
         &self,
         input: &SeamInput<'_, G, L, A>,
-        (pair, closing): (&Pair, Approaching),
-        number: u32,
+        pairs: &[Pair],
+        (closing, number): (Approaching, u32),
         cache: &ManifoldCache<L>,
     ) -> Option<AxisChange<L>> {
+        let pair = &pairs[closing.pair as usize];
         let view = cache.view();
         let manifold = &cache.manifolds[number as usize];
         let corner = input.corner(pair);
         let (normal, gap) = (manifold.normal, view.impulses_of(manifold)[0].gap[0]);
-        let point = &view.points_of(manifold)[0];
-        let positions = [corner.frames[0].point(point.on_a), corner.frames[1].point(point.on_b)];
-        let (planes, count) =
-            self.planes(input.bodies, (pair, manifold), (number, &positions), cache);
+        // A step that sticks out of a plane does so within this distance of its contact points.
+        let radius = MOST_SAG * pair.thickness + SLOPE * gap.abs();
+        let points = view.points_of(manifold);
+        let around = &corner.around(points, radius)[..points.len()];
+        let positions = around[0].map(|ball| ball.center);
+        let held = (pairs, pair, manifold);
+        let (planes, count) = self.planes(input, held, (&corner, around), cache);
         let planes = &planes[..count];
         // A contact that touches, with no plane that holds its bodies, is not at the side of a
-        // neighbor. Nearly all contacts of a heap end here.
-        if gap <= 0.0 && planes.is_empty() {
+        // neighbor. Nearly all contacts of a heap end here. A mesh decides among its own faces.
+        if planes.is_empty() && (gap <= 0.0 || corner.has_mesh()) {
             return None;
         }
         let mut ahead = input.ahead(&corner, (manifold, gap), &positions, planes);
@@ -324,8 +390,9 @@ impl<const L: usize> SeamResolver<L> {
             manifold: number,
             own: (normal, most),
             is_sharp: corner.rounding_radius(normal) == [0.0; 2],
+            on_mesh: corner.is_face_of_mesh(manifold.surfaces.normal),
             planes,
-            around: around(&corner, view.points_of(manifold), near + ahead.length()),
+            around,
             ahead,
             most,
             best: None,
@@ -347,10 +414,12 @@ struct AxisSearch<'a, G: Geometry<L, A>, const L: usize, const A: usize> {
     own: (Vector<f32, L>, f32),
     /// True if neither body is rounded along this axis.
     is_sharp: bool,
+    /// True if it is the normal of a face of a mesh, which does not give way to axes close to it.
+    on_mesh: bool,
     /// Planes that hold one of the bodies.
     planes: &'a [HoldingPlane<L>],
-    /// The contact points and what they reach in the motion.
-    around: Ball<L>,
+    /// Balls about the contact points on each body.
+    around: &'a [[Ball<L>; 2]],
     /// Motion of a relative to b until the next search. \[m\]
     ahead: Vector<f32, L>,
     /// Largest gap after this motion so far. \[m\]
@@ -366,7 +435,11 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> AxisSearch<'_, G, L, A> 
     fn consider(&mut self, axis: Vector<f32, L>, held: Option<&HoldingPlane<L>>, side: usize) {
         let held = held.unwrap_or(&HoldingPlane::NONE);
         let (normal, then) = self.own;
-        let rivals = self.is_sharp && axis.dot(normal) > ALIKE;
+        let slight = axis.dot(normal) > ALIKE;
+        if slight && self.on_mesh {
+            return;
+        }
+        let rivals = self.is_sharp && slight;
         let deepest = if rivals { then.min(0.0) } else { f32::NEG_INFINITY };
         let least = deepest.max(-held.allowed);
         let Some(separating) = self.corner.along(axis, self.around).filter(|of| of.gap >= least)
@@ -377,8 +450,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> AxisSearch<'_, G, L, A> 
         if then > self.most && (held.manifold != END || then >= 0.0) {
             self.most = then;
             let (closing, manifold) = (self.closing, self.manifold);
-            self.best =
-                Some(AxisChange { closing, manifold, plane: held.manifold, side, separating });
+            let plane = held.manifold;
+            self.best = Some(AxisChange { closing, manifold, plane, side, separating, slight });
         }
     }
 
@@ -423,19 +496,6 @@ fn reach_of_sides<const L: usize>(
         let climbs = up.dot(ahead).abs() / up.length() * until.min(1.0);
         most.max(plane.allowed + climbs)
     })
-}
-
-/// Returns the ball about the first of some contact points that holds all of them, and what is
-/// within `near` \[m\] of them.
-fn around<G: Geometry<L, A>, const L: usize, const A: usize>(
-    corner: &SeamPair<'_, G, L, A>,
-    points: &[CachedPoint<L>],
-    near: f32,
-) -> Ball<L> {
-    let position = |point: &CachedPoint<L>| corner.frames[1].point(point.on_b);
-    let center = position(&points[0]);
-    let apart = points.iter().map(|point| (position(point) - center).length());
-    Ball { center, radius: apart.fold(0.0, f32::max) + near }
 }
 
 impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
@@ -485,13 +545,39 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
                 Frame { position: apart, ..frames[a] },
                 Frame { position: Vector::ZERO, ..frames[b] },
             ],
+            base: pair.bodies[1],
         }
+    }
+
+    /// True if the other body is flush with the body that holds a plane, where they meet: the tops
+    /// above its contact points are on the holder. `holder` is the pair of the plane, and whether
+    /// the body that is held is its b.
+    fn is_flush(
+        &self,
+        (holder, is_b): (&Pair, bool),
+        plane: &HoldingPlane<L>,
+        (corner, around): (&SeamPair<'_, G, L, A>, &[[Ball<L>; 2]]),
+        thickness: f32,
+    ) -> bool {
+        let other = 1 - plane.side;
+        let collider = holder.colliders[usize::from(!is_b)] as usize;
+        let apart = self.bodies.relative_position([plane.holder, corner.base]);
+        let pose = G::advance(&self.poses[collider], apart, Vector::ZERO);
+        let (shape, own, radius) = (corner.shapes[other], &corner.poses[other], FLUSH * thickness);
+        around.iter().all(|balls| {
+            let ball = balls[other];
+            // Points that will come down beside the edge are not on the mesh yet.
+            let touches = G::reaches(shape, own, Ball { radius, ..ball });
+            let top = G::support(shape, own, plane.outward(), ball);
+            let meets = |center| G::reaches(&self.shapes[collider], &pose, Ball { center, radius });
+            !touches || top.is_some_and(meets)
+        })
     }
 
     /// Changes the axis of a manifold. Its points stay where they are on one of the bodies. On a
     /// round body they move to the nearest points along the new axis.
     fn change_axis(&self, pair: &mut Pair, change: &AxisChange<L>, cache: &mut ManifoldCache<L>) {
-        let SeparatingAxis { axis, gap, height } = change.separating;
+        let SeparatingAxis { axis, levels, .. } = change.separating;
         let reuse = &mut cache.reuse[change.manifold as usize];
         let kept = matches!(reuse, Reuse::Kept(_));
         *reuse = reuse.changed();
@@ -508,10 +594,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
             [manifold.normal, axis].map(|along| corner.rounding_radius(along)[change.side]);
         let around = around.min(now);
         let moved = (manifold.normal - axis) * if of_a { around } else { -around };
-        for (point, cached) in points.iter_mut().zip(&mut *impulses) {
+        for ((point, cached), [low, high]) in points.iter_mut().zip(&mut *impulses).zip(levels) {
             let own = if of_a { a.point(point.on_a) } else { b.point(point.on_b) } + moved;
             let along = axis.dot(own);
-            let gap = if of_a { along - height } else { gap + height - along };
+            let gap = if of_a { along - high } else { low - along };
             let [on_a, on_b] = if of_a { [own, own - axis * gap] } else { [own + axis * gap, own] };
             (point.on_a, point.on_b) = (a.local_point(on_a), b.local_point(on_b));
             point.push_point = if of_a { on_a } else { on_b };

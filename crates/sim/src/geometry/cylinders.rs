@@ -547,14 +547,18 @@ fn over_polygon(
         });
         number += 1;
     });
+    // A cylinder rolls on its lowest point, if the face is below it. Others do not come down.
+    let crosses = |point: &ManifoldPoint<3>| point.feature as u32 >> 28 == CROSSING >> 28;
+    if facing.rolls && !touch.points.iter().all(crosses) {
+        touch.points.retain(|point| !crosses(point));
+    }
     corners.clear();
     solid.corners(face, corners);
-    for corner in corners {
-        let Some((on_a, gap)) = facing.lifted(corner.position, normal) else { break };
-        if facing.holds(on_a) {
-            touch.points.push(point(on_a, corner.position, gap, CORNER | corner.feature));
-        }
-    }
+    touch.points.extend(corners.iter().filter_map(|corner| {
+        let lifted = facing.lifted(corner.position, normal);
+        let (on_a, gap) = lifted.filter(|(on_a, _)| facing.holds(*on_a))?;
+        Some(point(on_a, corner.position, gap, CORNER | corner.feature))
+    }));
 }
 
 /// The line on which a cylinder lies, and the part of it over a face.
@@ -593,12 +597,8 @@ impl LyingLine {
     }
 }
 
-/// Returns the points at which the rim of the nearer cap crosses a plane. A cylinder that rolls has
-/// none.
+/// Returns the points at which the rim of the nearer cap crosses a plane.
 fn crossings(facing: &Facing, on_plane: Vec3, outward: Vec3) -> [Option<Vec3>; 2] {
-    if facing.rolls {
-        return [None; 2];
-    }
     // Solve a x + b y = c with x^2 + y^2 = 1.
     let [a, b] = facing.arms.map(|arm| outward.dot(arm));
     let c = outward.dot(on_plane - facing.center);

@@ -209,42 +209,37 @@ macro_rules! over_parry {
             }
         }
 
-        fn extent_along(
+        fn support(
             collider: &Self::Prepared,
             pose: &Self::Pose,
             direction: Vector<f32, $l>,
             around: Ball<$l>,
-        ) -> Option<f32> {
+        ) -> Option<Vector<f32, $l>> {
             let frame = <Self as Geometry<$l, $a>>::frame(pose);
             let local = frame.local_direction(direction);
-            let extent = match &collider.form {
-                ContactShape::Cuboid(solid) => local.dot(solid.support(local)),
-                ContactShape::Hull(solid) => local.dot(solid.support(local)),
+            Some(frame.point(match &collider.form {
+                ContactShape::Cuboid(solid) => solid.support(local),
+                ContactShape::Hull(solid) => solid.support(local),
                 ContactShape::Halfspace(_) => return None,
                 ContactShape::Mesh(mesh) => {
                     let around = around.seen_from(&frame);
                     let near = $near(collider, around);
-                    mesh.extent_within(near, Vector(leading(&local.0)), around.spatial())?
+                    let top = mesh.top_within(near, Vector(leading(&local.0)), around.spatial())?;
+                    Vector(leading(&top.0))
                 }
                 _ => {
                     let shape = collider.shape.as_support_map()?;
-                    let farthest = shape.local_support_point(local.0.into());
-                    local.dot(Vector(farthest.to_array()))
+                    Vector(shape.local_support_point(local.0.into()).to_array())
                 }
-            };
-            Some(direction.dot(frame.position) + extent)
+            }))
         }
 
-        fn contains(
-            collider: &Self::Prepared,
-            pose: &Self::Pose,
-            point: Vector<f32, $l>,
-            near: f32,
-        ) -> bool {
-            let point = <Self as Geometry<$l, $a>>::frame(pose).local_point(point);
+        fn reaches(collider: &Self::Prepared, pose: &Self::Pose, ball: Ball<$l>) -> bool {
+            let ball = ball.seen_from(&<Self as Geometry<$l, $a>>::frame(pose));
             match &collider.form {
-                ContactShape::Cuboid(solid) => holds(solid, point, near),
-                ContactShape::Hull(solid) => holds(&**solid, point, near),
+                ContactShape::Cuboid(solid) => holds(solid, ball.center, ball.radius),
+                ContactShape::Hull(solid) => holds(&**solid, ball.center, ball.radius),
+                ContactShape::Mesh(mesh) => mesh.reaches($near(collider, ball), ball.spatial()),
                 _ => false,
             }
         }

@@ -1,6 +1,8 @@
 //! Tests of seams between flush bodies: sliding and rolling bodies do not feel them, but a step
 //! stops them.
 
+use std::ops::Range;
+
 use crate::common::*;
 use drystone::geometry::{Geometry, Rigid2, Rigid3};
 use drystone::{Body, Collider, Motion, StepSettings, World};
@@ -435,4 +437,88 @@ fn check_fall(of: Fall, [overlap, aside, error]: [f32; 3]) {
     assert!(overlap < 2e-3, "{of:?}: {overlap} m deep");
     assert!(aside < 0.02, "{of:?}: {aside} m/s aside");
     assert!(error < 1e-3, "{of:?}: {error} of the speed");
+}
+
+/// Returns the height of gentle hills. \[m\]
+fn hills(x: f32, z: f32) -> f32 {
+    let waves = [[2.1, -0.4, 0.3], [-0.9, 1.7, 2.0], [0.6, 2.8, 4.4], [-2.3, -1.1, 5.1]];
+    waves.map(|[u, v, phase]| 0.005 * f32::sin(u * x + v * z + phase)).iter().sum()
+}
+
+/// Returns hills over the cells `x` and `z` of 1/3 m as a triangle mesh, with a floor and side
+/// walls if it is closed.
+fn tile(x: Range<i32>, z: Range<i32>, closed: bool) -> parry3d::shape::SharedShape {
+    let (rows, columns) = (x.clone().count() as u32 + 1, z.clone().count() as u32 + 1);
+    let place = |i: i32, j: i32| [i as f32 / 3.0, j as f32 / 3.0];
+    let ground = (x.start..=x.end).flat_map(|i| (z.start..=z.end).map(move |j| place(i, j)));
+    let mut vertices: Vec<[f32; 3]> = ground.map(|[x, z]| [x, hills(x, z), z]).collect();
+    let mut triangles = Vec::new();
+    for (i, j) in (0..rows - 1).flat_map(|i| (0..columns - 1).map(move |j| (i, j))) {
+        let a = i * columns + j;
+        triangles.extend([[a, a + 1, a + columns], [a + 1, a + columns + 1, a + columns]]);
+    }
+    if closed {
+        let below = vertices.len() as u32;
+        vertices.extend(vertices.clone().iter().map(|[x, _, z]| [*x, -2.0, *z]));
+        let floor = triangles.iter().map(|[a, b, c]| [a + below, c + below, b + below]);
+        let floor: Vec<_> = floor.collect();
+        triangles.extend(floor);
+        let rim = (0..rows).map(|i| i * columns);
+        let rim = rim.chain((1..columns).map(|j| (rows - 1) * columns + j));
+        let rim = rim.chain((0..rows - 1).rev().map(|i| i * columns + columns - 1));
+        let rim: Vec<_> = rim.chain((1..columns - 1).rev()).collect();
+        for (at, &a) in rim.iter().enumerate() {
+            let b = rim[(at + 1) % rim.len()];
+            triangles.extend([[a, b, b + below], [a, b + below, a + below]]);
+        }
+    }
+    Rigid3::mesh(&vertices, &triangles)
+}
+
+/// Returns the energy per mass of a body that slides over hills of `pieces` by `pieces` bodies.
+/// \[J/kg\]
+fn slide(pieces: i32, closed: bool, slider: &Body<Rigid3, 3, 3>, realtime: bool) -> f32 {
+    let settings = if realtime { StepSettings::realtime() } else { StepSettings::certified() };
+    let mut world = World::<Rigid3, 3, 3>::new(settings);
+    world.gravity = Vector([0.0, -GRAVITY, 0.0]);
+    let cells = 24 / pieces;
+    let range = |at: i32| at * cells - 12..(at + 1) * cells - 12;
+    for (x, z) in (0..pieces).flat_map(|x| (0..pieces).map(move |z| (x, z))) {
+        let tile = tile(range(x), range(z), closed);
+        world.add(body(Motion::Static, [0.0; 3], tile, &surface(0.0, 0.0))).unwrap();
+    }
+    let speed = slider.velocity.linear.length();
+    let slider = world.add(slider.clone()).unwrap();
+    run(&mut world, (5.0 / speed).min(1.5));
+    let linear = velocity(&world, slider).linear;
+    let height = Rigid3::frame(&world.pose(slider).unwrap()).position[1];
+    0.5 * linear.dot(linear) + GRAVITY * height
+}
+
+/// A body without friction keeps as much energy on hills of 16 flush meshes as on one mesh.
+#[test]
+fn tiles_of_terrain_are_as_smooth_as_one_mesh() {
+    let cylinder = parry3d::shape::SharedShape::cylinder(0.12, 0.12);
+    let shapes = [
+        ("box", Rigid3::cuboid([0.15, 0.1, 0.15]), 0.1),
+        ("ball", Rigid3::ball(0.15), 0.15),
+        ("capsule", Rigid3::capsule(0.15, 0.1), 0.25),
+        ("cylinder", cylinder, 0.12),
+    ];
+    for (name, shape, low) in shapes {
+        for (closed, realtime) in [(false, false), (false, true), (true, false), (true, true)] {
+            for (speed, angle) in [0.5, 2.0, 8.0].iter().flat_map(|&v| [(v, 0.03f32), (v, 0.6)]) {
+                let at = [-2.7, low + 0.02, -1.3];
+                let along = [speed * angle.cos(), 0.0, speed * angle.sin()];
+                let slider = moving(dynamic(at, shape.clone(), &surface(0.0, 0.0)), along);
+                let [one, tiles] = [1, 4].map(|pieces| slide(pieces, closed, &slider, realtime));
+                let kept = tiles / one;
+                assert!(
+                    kept > 0.95,
+                    "{name} at {speed} m/s, {angle} rad, closed: {closed}, real time: {realtime}: \
+                     {kept} of {one} J/kg"
+                );
+            }
+        }
+    }
 }

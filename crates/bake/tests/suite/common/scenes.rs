@@ -172,7 +172,7 @@ impl Forms<3, 3> for Rigid3 {
             }
             ShapeKind::Trimesh { vertices, triangles, .. } => {
                 let vertices: Vec<_> = vertices.iter().map(|p| floats::<3>(p)).collect();
-                Some(super::mesh(&vertices, triangles))
+                Some(<Rigid3 as Rigid<3, 3>>::mesh(&vertices, triangles))
             }
             _ => None,
         }

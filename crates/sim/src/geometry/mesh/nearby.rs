@@ -1,7 +1,14 @@
 //! The triangles of a mesh close to a point.
 
-use super::surface::{MeshFace, MeshTopology};
+use drystone_solver::moment;
+
+use super::ON_EDGE;
+use super::surface::{Facet, MeshFace, MeshTopology};
 use crate::geometry::{Ball, Vec3};
+
+/// A triangle is steep if the cosine between its normal and a direction is less than this. \[1\] A
+/// body above others has contacts of its own with them.
+const GENTLE: f32 = 0.95;
 
 impl MeshTopology {
     /// Returns those of some triangles that reach into a ball.
@@ -17,26 +24,67 @@ impl MeshTopology {
         })
     }
 
-    /// Returns an upper bound of d . x over those parts of some triangles that are in a ball. \[m\]
-    /// d is a unit vector. The bound is exact for a triangle that has its farthest corner in the
-    /// ball, or that fills its section of the ball.
-    pub(in crate::geometry) fn extent_within(
+    /// True if some of these triangles reach into a ball.
+    pub(in crate::geometry) fn reaches(
+        &self,
+        triangles: impl Iterator<Item = u32>,
+        ball: Ball<3>,
+    ) -> bool {
+        self.within(triangles, ball).next().is_some()
+    }
+
+    /// Returns the farthest point along a unit vector d among the center of a ball, and the ends of
+    /// the ways uphill from there on the steep ones of some triangles. Uphill is along d. Returns
+    /// `None` if a way leads out of the ball.
+    pub(in crate::geometry) fn top_within(
         &self,
         triangles: impl Iterator<Item = u32>,
         d: Vec3,
         ball: Ball<3>,
-    ) -> Option<f32> {
-        let heights = self.within(triangles, ball).map(|face| {
-            let farthest = self.corners(face).map(|corner| d.dot(corner));
-            let facet = &self.facets[face.facet as usize];
-            let height = facet.normal.dot(ball.center) - facet.offset;
-            let across = facet.normal.dot(d);
-            let slope = (1.0 - across * across).max(0.0).sqrt();
-            let radius = (ball.radius * ball.radius - height * height).max(0.0).sqrt();
-            let section = d.dot(ball.center) - height * across + radius * slope;
-            farthest.into_iter().fold(f32::NEG_INFINITY, f32::max).min(section)
-        });
-        heights.reduce(f32::max)
+    ) -> Option<Vec3> {
+        let mut best = ball.center;
+        for face in self.within(triangles, ball) {
+            let Facet { normal, offset, .. } = self.facets[face.facet as usize];
+            let across = normal.dot(d);
+            if across.abs() > GENTLE {
+                continue;
+            }
+            let start = ball.center - normal * (normal.dot(ball.center) - offset);
+            let uphill = d - normal * across;
+            let uphill = uphill * (1.0 / uphill.length());
+            let Some(way) = self.way(face, start, uphill) else { continue };
+            if way > ball.radius {
+                return None;
+            }
+            let top = start + uphill * way;
+            best = if d.dot(top) > d.dot(best) { top } else { best };
+        }
+        Some(best)
+    }
+
+    /// Returns the length of the way on a triangle from a point in its plane along a unit vector.
+    /// \[m\]
+    fn way(&self, face: &MeshFace, start: Vec3, along: Vec3) -> Option<f32> {
+        let normal = self.facets[face.facet as usize].normal;
+        let corners = self.corners(face);
+        let [mut first, mut last] = [0.0f32, f32::INFINITY];
+        for k in 0..3 {
+            let side = corners[(k + 1) % 3] - corners[k];
+            let outward: Vec3 = moment(side, normal);
+            let (left, rise) = (-outward.dot(start - corners[k]), outward.dot(along));
+            let squared = outward.dot(outward);
+            if rise * rise <= ON_EDGE * ON_EDGE * squared {
+                // It runs along this side.
+                if left < -ON_EDGE * squared {
+                    return None;
+                }
+            } else if rise > 0.0 {
+                last = last.min(left / rise);
+            } else {
+                first = first.max(left / rise);
+            }
+        }
+        (last >= first.max(0.0)).then_some(last)
     }
 
     /// Calls `found` with the outward normals of those of some triangles that reach into a ball. A
