@@ -517,6 +517,8 @@ pub struct ContactManifold<const L: usize> {
     pub surfaces: Curvature,
     /// Contact points.
     pub points: Vec<ManifoldPoint<L>>,
+    /// Points that [`reduce`](Self::reduce) has spared for a manifold of their own.
+    pub spare: Vec<ManifoldPoint<L>>,
 }
 
 /// Curvature of two surfaces at a contact, and the motion of their normal as the bodies rotate.
@@ -601,7 +603,7 @@ impl<const L: usize> ContactManifold<L> {
     /// Transforms the manifold from the coordinates of `frame` to those in which `frame` is given.
     fn transform(&mut self, frame: &Frame<L>) {
         self.normal = frame.direction(self.normal);
-        for point in &mut self.points {
+        for point in self.points.iter_mut().chain(&mut self.spare) {
             point.on_a = frame.point(point.on_a);
             point.on_b = frame.point(point.on_b);
         }
@@ -612,19 +614,41 @@ impl<const L: usize> ContactManifold<L> {
         self.normal = -self.normal;
         let Curvature { radii: [a, b], normal } = self.surfaces;
         self.surfaces = Curvature { radii: [b, a], normal: normal.exchanged() };
-        for point in &mut self.points {
+        for point in self.points.iter_mut().chain(&mut self.spare) {
             std::mem::swap(&mut point.on_a, &mut point.on_b);
+        }
+    }
+
+    /// Calls `report` with the manifold, and with one of the points that [`reduce`](Self::reduce)
+    /// has spared.
+    fn report(&mut self, report: &mut dyn FnMut(&Self)) {
+        if self.points.is_empty() {
+            self.spare.clear();
+            return;
+        }
+        report(self);
+        if !self.spare.is_empty() {
+            std::mem::swap(&mut self.points, &mut self.spare);
+            self.part ^= SPARE;
+            report(self);
+            self.part ^= SPARE;
+            std::mem::swap(&mut self.points, &mut self.spare);
+            self.spare.clear();
         }
     }
 
     /// Reduces the points to as many as the dimension needs (2D: 2, 3D: 4). It keeps the deepest
     /// point, then those that span the largest area with it.
     ///
+    /// On a patch that leans, other points nearly as deep as the deepest are spared for a manifold
+    /// of their own: a body that wobbles comes down on them before the next search.
+    ///
     /// Depths that are equal to within `FLAT` do not decide which point is the deepest. Then the
     /// choice depends on positions alone, and a resting patch keeps its points from step to step.
     pub fn reduce(&mut self) {
         let most = if L == 2 { 2 } else { MAX_POINTS };
         let points = &mut self.points;
+        self.spare.clear();
         merge_duplicates(points);
         if points.len() <= most {
             return;
@@ -657,10 +681,37 @@ impl<const L: usize> ContactManifold<L> {
             };
             let fourth = best(points, 3, added);
             points.swap(3, fourth);
+            let extent = (points[1].on_a - first).length();
+            let [low, high] = range(points.iter().map(|point| point.gap));
+            if high - low > (LEANING * extent).max(LIFTED) {
+                let near = |point: &&ManifoldPoint<L>| point.gap < low + NEARLY * (high - low);
+                self.spare.extend(points[most..].iter().filter(near));
+                self.spare.sort_by(|p, q| p.gap.total_cmp(&q.gap));
+                self.spare.truncate(most);
+            }
         }
         points.truncate(most);
     }
 }
+
+/// Returns the smallest and the largest of some numbers.
+fn range(numbers: impl Iterator<Item = f32>) -> [f32; 2] {
+    numbers.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+}
+
+/// A bit of the part of a manifold of spare points.
+const SPARE: u32 = 1 << 27;
+
+/// Patches whose depths differ by more than this fraction of their extent lean. \[1\]
+const LEANING: f32 = 1e-3;
+
+/// Smaller differences are errors of velocities within a step: a coin of millimeters leans by them
+/// at rest. \[m\]
+const LIFTED: f32 = 3e-5;
+
+/// Points that differ in depth from the deepest by less than this fraction of all depths are nearly
+/// as deep. \[1\]
+const NEARLY: f32 = 0.05;
 
 /// Depths that differ by less than this fraction of a patch's extent count as equal. \[1\]
 const FLAT: f32 = 1e-5;

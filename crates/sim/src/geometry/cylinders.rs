@@ -84,6 +84,16 @@ const CORNER: u32 = 3 << 28;
 const OTHER_RIM: u32 = 4 << 28;
 const EDGE: u32 = 5 << 28;
 const WHOLE: u32 = 6 << 28;
+const BESIDE: u32 = 7 << 28;
+
+/// Cosine and sine of the angles from the lowest point of a rim to others on which a cylinder comes
+/// down when it wobbles: 10 and 20 degrees on either side. \[1\]
+const WOBBLE: [[f32; 2]; 4] = [
+    [0.984_807_8, 0.173_648_2],
+    [0.984_807_8, -0.173_648_2],
+    [0.939_692_6, 0.342_020_1],
+    [0.939_692_6, -0.342_020_1],
+];
 
 impl Cylinder {
     pub(super) fn placed(&self, frame: &Frame<3>) -> PosedCylinder {
@@ -430,7 +440,20 @@ impl Facing {
         let (center, cap) = (self.center, self.cap);
         let above = self.above.map(|above| (above, name(0, 4 - cap)));
         let rim = rim.take(if self.rolls { 1 } else { 4 });
-        rim.map(move |(arm, of)| (center + arm, name(of, cap))).chain(above)
+        let rim = rim.map(move |(arm, of)| (center + arm, name(of, cap)));
+        rim.chain(above)
+    }
+
+    /// Returns these points, and those beside the lowest one on which the cylinder comes down when
+    /// it wobbles.
+    fn points_and_beside(&self) -> impl Iterator<Item = (Vec3, u32)> {
+        let wobbles = self.above.is_some() && !self.rolls;
+        let ([first, second], center) = (self.arms, self.center);
+        let beside = WOBBLE.into_iter().zip(BESIDE..).take(if wobbles { 4 } else { 0 });
+        self.points().chain(
+            beside
+                .map(move |([cosine, sine], name)| (center + first * cosine + second * sine, name)),
+        )
     }
 
     /// Returns the line on which the cylinder lies: its start, and the vector to its end.
@@ -445,6 +468,12 @@ impl Facing {
         let cosine = -self.toward.dot(normal);
         let gap = self.toward.dot(point - self.center) / cosine;
         (cosine > STEEP).then(|| (point + normal * gap, gap))
+    }
+
+    /// Returns the contact of a point of another shape with the cap, seen along `normal`.
+    fn on_cap(&self, on_b: Vec3, normal: Vec3, name: u32) -> Option<ManifoldPoint<3>> {
+        let (on_a, gap) = self.lifted(on_b, normal).filter(|(on_a, _)| self.holds(*on_a))?;
+        Some(point(on_a, on_b, gap, name))
     }
 
     /// True if a point in the plane of the cap is on the cap.
@@ -486,7 +515,7 @@ pub(super) fn on_plane(
 ) -> f32 {
     touch.normal = plane.normal;
     let mut apart = f32::INFINITY;
-    for (on_a, name) in cylinder.facing(plane.normal, before).points() {
+    for (on_a, name) in cylinder.facing(plane.normal, before).points_and_beside() {
         let gap = plane.normal.dot(on_a - plane.point);
         apart = apart.min(gap);
         if gap <= prediction {
@@ -518,7 +547,7 @@ fn over_polygon(
         let gap = upright.dot(on_a - vertex) / cosine;
         point(on_a, on_a - normal * gap, gap, name)
     };
-    touch.points.extend(facing.points().map(|(at, name)| dropped(at, name)));
+    touch.points.extend(facing.points_and_beside().map(|(at, name)| dropped(at, name)));
     let Clipper { reference: memory, incident: corners, .. } = clipper;
     let mut lying = facing.line().map(LyingLine::new);
     let mut number = 0;
@@ -554,11 +583,8 @@ fn over_polygon(
     }
     corners.clear();
     solid.corners(face, corners);
-    touch.points.extend(corners.iter().filter_map(|corner| {
-        let lifted = facing.lifted(corner.position, normal);
-        let (on_a, gap) = lifted.filter(|(on_a, _)| facing.holds(*on_a))?;
-        Some(point(on_a, corner.position, gap, CORNER | corner.feature))
-    }));
+    let lifted = corners.iter().map(|corner| (corner.position, CORNER | corner.feature));
+    touch.points.extend(lifted.filter_map(|(on_b, name)| facing.on_cap(on_b, normal, name)));
 }
 
 /// The line on which a cylinder lies, and the part of it over a face.
@@ -631,7 +657,7 @@ fn over_cap(
         point(on_a, on_a - normal * gap, gap, name)
     };
     let facing = cylinder.facing(normal, before);
-    let points = facing.points().map(|(at, name)| dropped(at, name));
+    let points = facing.points_and_beside().map(|(at, name)| dropped(at, name));
     touch.points.extend(points.filter(|point| within(point.on_b - middle, squared)));
     if let Some([start, along]) = facing.line() {
         let arm = dropped(start, 0).on_b - middle;
@@ -655,14 +681,11 @@ fn over_cap(
         let aside: Vec3 = moment(normal, along);
         for (which, root) in [left.sqrt(), -left.sqrt()].into_iter().enumerate() {
             let on_b = center + along * foot + aside * root;
-            let lifted = facing.lifted(on_b, normal).filter(|(on_a, _)| facing.holds(*on_a));
-            let name = CROSSING | which as u32;
-            touch.points.extend(lifted.map(|(on_a, gap)| point(on_a, on_b, gap, name)));
+            touch.points.extend(facing.on_cap(on_b, normal, CROSSING | which as u32));
         }
     }
-    for (on_b, name) in other.facing(facing.toward, None).points() {
-        let lifted = facing.lifted(on_b, normal).filter(|(on_a, _)| facing.holds(*on_a));
-        touch.points.extend(lifted.map(|(on_a, gap)| point(on_a, on_b, gap, OTHER_RIM | name)));
+    for (on_b, name) in other.facing(facing.toward, None).points_and_beside() {
+        touch.points.extend(facing.on_cap(on_b, normal, OTHER_RIM | name));
     }
 }
 

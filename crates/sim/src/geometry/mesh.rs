@@ -166,7 +166,7 @@ impl Gathered {
             if mesh_is_a {
                 touch.exchange();
             }
-            report(touch);
+            touch.report(report);
         }
     }
 }

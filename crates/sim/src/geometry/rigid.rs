@@ -341,9 +341,7 @@ macro_rules! over_parry {
                     touch.surfaces = Curvature::default();
                     $ask(pieces, cones, poses(), prediction, manifold, touch);
                 }
-                if !touch.points.is_empty() {
-                    report(touch);
-                }
+                touch.report(report);
             });
             // Triangles outside the search box are farther apart than `prediction`.
             if all { apart } else { apart.min(prediction) }
@@ -697,9 +695,7 @@ fn on_meshes(
             if side == 1 {
                 touch.exchange();
             }
-            if !touch.points.is_empty() {
-                report(touch);
-            }
+            touch.report(report);
             return Some(apart);
         }
         ContactShape::Cylinder(cylinder) => {

@@ -208,7 +208,8 @@ fn the_deepest_point_is_exact_and_keeps_its_feature() {
         let coin = PosedCylinder { center, axis, side, radius: 0.1, half: 0.01 };
         let mut touch = ContactManifold::default();
         let gap = on_plane(&coin, &plane, 0.001, before, &mut touch);
-        assert!(gap.abs() < 1e-6 && touch.points.len() == 1, "{degree}: {gap} {touch:?}");
+        // With two points beside the deepest, on which it comes down as it wobbles.
+        assert!(gap.abs() < 1e-6 && touch.points.len() == 3, "{degree}: {gap} {touch:?}");
         let name = touch.points[0].feature;
         assert!(before.is_none_or(|before| before == name), "{degree}: {before:?} and {name}");
         before = Some(name);
