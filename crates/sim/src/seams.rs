@@ -616,3 +616,6 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SeamInput<'_, G, L, A> {
         pair.clearance = 0.0;
     }
 }
+
+#[cfg(test)]
+mod tests;

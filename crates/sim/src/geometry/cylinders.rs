@@ -81,7 +81,7 @@ const CLIMBS: usize = 16;
 const CROSSING: u32 = 1 << 28;
 const CUT: u32 = 2 << 28;
 const CORNER: u32 = 3 << 28;
-const OTHER_RIM: u32 = 4 << 28;
+const OTHER_RIM: u32 = 1 << 27;
 const EDGE: u32 = 5 << 28;
 const WHOLE: u32 = 6 << 28;
 const BESIDE: u32 = 7 << 28;
@@ -450,10 +450,8 @@ impl Facing {
         let wobbles = self.above.is_some() && !self.rolls;
         let ([first, second], center) = (self.arms, self.center);
         let beside = WOBBLE.into_iter().zip(BESIDE..).take(if wobbles { 4 } else { 0 });
-        self.points().chain(
-            beside
-                .map(move |([cosine, sine], name)| (center + first * cosine + second * sine, name)),
-        )
+        let at = move |[cosine, sine]: [f32; 2]| center + first * cosine + second * sine;
+        self.points().chain(beside.map(move |(angle, name)| (at(angle), name)))
     }
 
     /// Returns the line on which the cylinder lies: its start, and the vector to its end.

@@ -162,7 +162,8 @@ impl Gathered {
             }
             touch.reduce();
             touch.transform(frame);
-            touch.points.iter_mut().for_each(|point| point.feature |= name);
+            let points = touch.points.iter_mut().chain(&mut touch.spare);
+            points.for_each(|point| point.feature |= name);
             if mesh_is_a {
                 touch.exchange();
             }
