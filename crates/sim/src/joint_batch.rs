@@ -20,7 +20,6 @@ use crate::geometry::{Frame, Geometry};
 use crate::joint::Breaking;
 use crate::joint::linkage::{Aim, Linkage};
 use crate::joint::rows::{Role, RowState};
-use crate::joint::taming::Taming;
 use crate::joint::turning;
 use crate::motion::{LEAST_GRAVITY, MOST_TURN, MovingBodies, SubstepParams};
 
@@ -223,7 +222,6 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
             }
             linkage.set_targets(&aim, &mut part);
             linkage.begin_aims();
-            linkage.tamed = false;
             linkage.aims = linkage.is_fast(at) && (exact || !linkage.touches);
             if linkage.aims {
                 part.load(at.velocities);
@@ -325,18 +323,22 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         aims.clone().any(|aims| aims)
     }
 
-    /// Tames the mechanisms whose locks add energy to bodies that would move at their prospective
-    /// velocities. Returns true if there are any: the substep is to be solved again.
+    /// Finds the mechanisms whose locks [add energy](crate::joint::taming) to bodies that would move at their
+    /// prospective velocities. If the substep `may_shorten`, it is to be [taken back](Self::turn_rate) for
+    /// them. Otherwise their locks leave out curve and repair, and the mechanisms that aim are to be solved
+    /// again if this returns true.
     pub(crate) fn tame<G: Geometry<L, A>>(
         &mut self,
-        taming: Taming,
         bodies: &MovingBodies<'_, G, L, A>,
+        may_shorten: bool,
     ) -> bool {
         let (at, prospective) = (&bodies.view(), &*bodies.prospective);
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            let may_be = taming == Taming::Soften || linkage.aims;
-            linkage.aims = may_be && linkage.tame(taming, &mut part, at, prospective);
-            linkage.tamed |= linkage.aims;
+            linkage.adds = linkage.adds_energy(&part, at, prospective);
+            linkage.aims = linkage.adds && !may_shorten;
+            if linkage.aims {
+                linkage.stop_locks(&mut part);
+            }
         });
         self.linkages.iter().any(|of| of.aims)
     }
@@ -419,7 +421,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         let (dt, gravity) = (f64::from(params.h), f64::from(params.gravity.length()));
         let at = &bodies.view();
         let mut fastest = 0.0f64;
-        for linkage in &*self.linkages {
+        for linkage in self.linkages.iter().filter(|linkage| !linkage.adds) {
             for (index, record) in linkage.records.iter().enumerate().filter(|(_, of)| !of.broken) {
                 let there = linkage.turns_of(index);
                 let rate = turning::rate(record, at, there, [dt, least], gravity);

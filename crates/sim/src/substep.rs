@@ -17,7 +17,6 @@ use drystone_solver::thread_pool::Divide;
 use crate::bodies::Bodies;
 use crate::cache::Pair;
 use crate::geometry::Geometry;
-use crate::joint::taming::Taming;
 use crate::joint_batch::JointBatch;
 use crate::ledger::LedgerBuilder;
 use crate::motion::{Advanced, MovingBodies, SubstepParams};
@@ -132,7 +131,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
 
     /// Solves the joints after the sweeps over contacts. They take turns where much hangs on a body that
     /// strikes another one: contacts would bear it later, and throw it back.
-    fn solve_joints(&mut self) {
+    fn solve_joints(&mut self, may_shorten: bool) {
         self.sweep_and_snap(false);
         for _ in 0..MOST_ROUNDS {
             if !self.joints.mark_unsettled(&mut self.bodies) {
@@ -143,10 +142,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             self.joints.solve_changed(velocities);
         }
         self.joints.aim_again(&mut self.bodies, true);
-        for taming in [Taming::Soften, Taming::Stop] {
-            if !self.joints.tame(taming, &self.bodies) {
-                break;
-            }
+        if self.joints.tame(&self.bodies, may_shorten) {
             self.joints.solve_aiming(self.bodies.velocities);
         }
     }
@@ -253,7 +249,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         self.solve(params, substep, turning);
         clock.lap(Stage::Solve);
         if !self.joints.is_idle() {
-            self.solve_joints();
+            self.solve_joints(plan.may_shorten);
             if plan.may_shorten && self.joints.turn_rate(&self.bodies, params).is_some() {
                 return false;
             }
@@ -499,7 +495,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if !plan.solving {
             self.context().solve(&plan.params, substep, turning);
             timer.lap(Stage::Solve);
-            self.context().solve_joints();
+            self.context().solve_joints(plan.may_shorten);
             timer.lap(Stage::Joints);
             if with_residuals {
                 self.certify_sweeps(timer, report);
@@ -517,11 +513,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 break;
             }
         }
-        for taming in [Taming::Soften, Taming::Stop] {
-            let SubstepContext { mut joints, bodies, .. } = self.context();
-            if !joints.tame(taming, &bodies) {
-                break;
-            }
+        let SubstepContext { mut joints, bodies, .. } = self.context();
+        if joints.tame(&bodies, plan.may_shorten) {
             self.refine(with_residuals, timer, report);
         }
     }

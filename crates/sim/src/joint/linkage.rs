@@ -82,9 +82,10 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) members: Vec<u32>,
     /// By joint: its bodies, as indices of members.
     pub(crate) sides: Vec<[usize; 2]>,
-    /// Its mass, and 1 / weight. \[kg, 1/N\]
+    /// Its mass, 1 / weight and size. \[kg, 1/N, m\]
     pub(super) mass: f64,
-    compliance: f64,
+    pub(super) compliance: f64,
+    pub(super) size: f64,
     /// Places of the members, now and as they will be at the end of the substep.
     pub(super) here: Vec<Place>,
     ahead: Vec<Place>,
@@ -130,8 +131,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     targets: Vec<[f64; 2]>,
     best_targets: Vec<[f64; 2]>,
     least_change: f64,
-    /// True if its locks have been tamed in the substep.
-    pub(crate) tamed: bool,
+    /// True if its locks [add energy](super::taming) in the substep.
+    pub(crate) adds: bool,
 }
 
 /// The bodies that the targets of a linkage follow, and how far they may miss.
@@ -163,6 +164,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             sides: part.sides().collect(),
             mass,
             compliance: 1.0 / (mass * gravity),
+            size: 0.0,
             here: vec![Place::ORIGIN; count],
             ahead: vec![Place::ORIGIN; count],
             expected: Vec::with_capacity(count),
@@ -188,7 +190,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             targets: Vec::with_capacity(rows),
             best_targets: Vec::with_capacity(rows),
             least_change: f64::INFINITY,
-            tamed: false,
+            adds: false,
         }
     }
 
@@ -300,8 +302,9 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         if self.is_apart {
             self.params.iter_mut().for_each(|params| params.repair[0] = 0.0);
         }
-        let size = self.size(at, high - low);
-        let stretch = if size > POINT { stretch.min(MOST_STRETCH * size) } else { stretch };
+        self.size = self.size_with(at, high - low);
+        let most = if self.size > POINT { MOST_STRETCH * self.size } else { stretch };
+        let stretch = stretch.min(most);
         let loaded = self.drive_force().max(1.0 / self.compliance);
         let [turning, fastest] = self.turning(at);
         let rounding = (ROUNDING * fastest / RESIDUAL).powi(2);
@@ -367,7 +370,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
 
     /// Returns the size of the mechanism whose centers of mass have this `extent`, with its longest arm and its
     /// largest body. \[m\]
-    fn size<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>, extent: Vec3) -> f64 {
+    fn size_with<G: Geometry<L, A>>(&self, at: &BodyView<'_, G, L, A>, extent: Vec3) -> f64 {
         let mut size = extent.length();
         for (sides, arms) in self.sides.iter().zip(&self.arms) {
             for (&side, arm) in sides.iter().zip(arms) {
@@ -491,11 +494,11 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         self.begin_aims();
     }
 
-    /// Returns true if bodies touch others, and targets did not find the path that the joints leave: bodies
-    /// would miss their places, or locks were [tamed](Self::tame).
+    /// Returns true if the substep is too long: locks add energy, or bodies touch others and miss their places,
+    /// since targets did not find the path that the joints leave.
     pub(crate) fn is_lost(&self) -> bool {
         let missed = self.least_change.is_finite() && self.least_change * self.substep > FAR_MISS;
-        self.touches && (self.tamed || self.followed > MOST_AIMS && missed)
+        self.adds || self.touches && self.followed > MOST_AIMS && missed
     }
 
     /// Begins to [aim](Self::aim): the next solve is the first that targets follow.
