@@ -208,6 +208,10 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 axis.impulse = state.lasting();
             }
         }
+        let seen = (&bodies.view(), &*bodies.prospective);
+        self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            linkage.turn_lines(seen, &mut part);
+        });
         self.mechanisms.apply(bodies.velocities, bodies.masses);
         let least_miss = if exact { LEAST_MISS } else { MOST_MISS };
         let aim = Aim { at: bodies.view(), least_miss };

@@ -8,7 +8,7 @@ use drystone_solver::law::Interval;
 use drystone_solver::mechanism::{MechanismPart, of_batch};
 use drystone_solver::{Axis, InverseMass, Vector, Velocity};
 
-use super::coordinates::{JointPlaces, Place, Turn, Vec3, cross};
+use super::coordinates::{Evaluated, JointPlaces, Place, Turn, Vec3, cross};
 use super::places::{flattened, in_space};
 use super::record::{JointRecord, WORLD};
 use super::rows::{Motion, Role, RowParams, RowPlan, RowState};
@@ -37,6 +37,10 @@ const FAR_MISS: f64 = 5e-5;
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
+/// Cosine of the rotation of a line in a substep from which on its row has the direction at the end: 0.2 rad,
+/// twice that for which steps are planned. \[1\]
+const FAR_COSINE: f64 = 0.98;
+
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
 
@@ -61,6 +65,7 @@ const NO_PARAMS: RowParams = RowParams {
     compliance: 0.0,
     repair: [0.0; 2],
     strongest: 0.0,
+    is_turned: false,
 };
 
 /// Force of a motor or damper without a bound over the weight of its mechanism: a force that locks and
@@ -103,6 +108,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     /// True if it has springs, motors or friction. [Those that stand](super::rows) at the start of a substep
     /// and at its end, by the index of their joint; and by member the wrenches of springs. \[N s, N m s\]
     pub(crate) has_springs: bool,
+    /// True if it has rows with a [line](RowPlan::has_line).
+    has_lines: bool,
     pub(crate) springs: [Vec<(usize, JointRow<L, A>)>; 2],
     pub(crate) wrenches: Vec<Velocity<f64, L, A>>,
     /// Pulls: of each its member, its arm and the impulse \[m, N s\]; and those on each member.
@@ -155,6 +162,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         let (count, rows) = (members.len(), part.axes.len());
         Self {
             slots: slots.to_vec(),
+            has_lines: records.iter().flat_map(|of| &of.rows).any(RowPlan::has_line),
             has_springs: records.iter().flat_map(|of| &of.rows).any(|row| row.role.may_stand()),
             records,
             step: 0.0,
@@ -250,13 +258,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 let (value, turned) = found.reading.turned(&record.turns[plan.axis]);
                 values.push(value);
                 turns[plan.axis] = turned;
-                axis.jacobian = [0, 1].map(|side| match record.bodies[side] {
-                    WORLD => Velocity::ZERO,
-                    _ => flattened(&found.rows[side]),
-                });
-                if record.bodies[0] == WORLD {
-                    axis.jacobian.swap(0, 1);
-                }
+                axis.jacobian = row_of(record, &found);
             }
             record.count_turns(&places, turns);
             let unspun = record.counts_spin().then(|| places.unspun());
@@ -295,7 +297,8 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
                 let lever = if is_turn && !has_loops { arm.max(reach) } else { arm };
                 let repair = [REPAIR, speed / arm];
                 let strongest = STRONGEST * h * arm / self.compliance;
-                RowParams { h, mobility, arm, lever, compliance: 0.0, repair, strongest }
+                let is_turned = false;
+                RowParams { h, mobility, arm, lever, compliance: 0.0, repair, strongest, is_turned }
             }));
         }
         self.is_apart = self.is_far([h, speed]);
@@ -435,6 +438,54 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             if at.index(body).is_some() {
                 *place = at.of(body);
             }
+        }
+    }
+
+    /// Gives rows whose [lines](RowPlan::has_line) turn [far](FAR_COSINE) in a substep the direction
+    /// that they will have at its end, for bodies at the `prospective` velocities. A rope of 0.1 mm, or a cone of
+    /// a milliradian, turns all around in a substep; so does what a body has passed. From where it was, a
+    /// row would push aside what it is to hold: with h^2 F / (m l) > 4 that grows without end.
+    pub(crate) fn turn_lines<G: Geometry<L, A>>(
+        &mut self,
+        (at, prospective): (&BodyView<'_, G, L, A>, &[Velocity<f32, L, A>]),
+        part: &mut MechanismPart<'_, L, A>,
+    ) {
+        if !self.has_lines {
+            return;
+        }
+        let rows = self.records.iter().flat_map(|of| of.rows.iter().zip(&of.states));
+        for (axis, (plan, state)) in part.axes.iter_mut().zip(rows) {
+            axis.impulse = if plan.has_line() { 0.0 } else { state.lasting() };
+        }
+        self.look(at);
+        self.expect(at.first, prospective);
+        part.apply(&mut self.expected, at.masses);
+        self.look_ahead(at);
+        let (mut axes, mut params) = (part.axes.iter_mut(), self.params.iter_mut());
+        let mut turned = false;
+        for ((record, joint), &sides) in self.records.iter().zip(part.joints).zip(&self.sides) {
+            let own = joint.bodies.map(|body| at.inverse_mass(body).cast());
+            let rows = record.rows.iter().zip(&record.states);
+            for ((plan, state), (axis, params)) in rows.zip(axes.by_ref().zip(&mut params)) {
+                axis.impulse = state.lasting();
+                params.is_turned = false;
+                if !plan.has_line() {
+                    continue;
+                }
+                let then = places_of(record, sides, &self.ahead);
+                let row = row_of(record, &then.evaluate(&plan.coordinate, &then.axes()));
+                if !turns_far(&axis.jacobian, &row) {
+                    continue;
+                }
+                axis.jacobian = row;
+                (params.is_turned, turned) = (true, true);
+                params.mobility = axis.mobility(&own);
+                axis.law.compliance = plan.role.compliance(params);
+                axis.prepare_for(params.mobility);
+            }
+        }
+        if turned {
+            part.renew_prepared(at.masses);
         }
     }
 
@@ -670,6 +721,35 @@ fn places_of<'a>(
     record.places_at([a, b])
 }
 
+/// Returns J of a row of a joint for the bodies of its mechanism.
+#[inline(always)]
+fn row_of<const L: usize, const A: usize>(
+    record: &JointRecord,
+    found: &Evaluated,
+) -> [Velocity<f64, L, A>; 2] {
+    let mut row = [0, 1].map(|side: usize| match record.bodies[side] {
+        WORLD => Velocity::ZERO,
+        _ => flattened(&found.rows[side]),
+    });
+    if record.bodies[0] == WORLD {
+        row.swap(0, 1);
+    }
+    row
+}
+
+/// Returns true if a row has turned [far](FAR_COSINE): the force of a length, the moment of an angle.
+fn turns_far<const L: usize, const A: usize>(
+    [from, _]: &[Velocity<f64, L, A>; 2],
+    [to, _]: &[Velocity<f64, L, A>; 2],
+) -> bool {
+    let far = |product: f64, squares: f64| product < FAR_COSINE * squares.sqrt();
+    if from.linear == Vector::ZERO && to.linear == Vector::ZERO {
+        let squares = from.angular.dot(from.angular) * to.angular.dot(to.angular);
+        return far(from.angular.dot(to.angular), squares);
+    }
+    far(from.linear.dot(to.linear), from.linear.dot(from.linear) * to.linear.dot(to.linear))
+}
+
 /// Sets the targets of the rows of a joint for bodies at these velocities, which will be at the places
 /// `then`. Returns the largest change of a finite target. \[m/s, or rad/s\]
 fn set_targets<const L: usize, const A: usize>(
@@ -685,7 +765,9 @@ fn set_targets<const L: usize, const A: usize>(
         let rate = axis.velocity(a, b);
         let straight = value + params.h * rate;
         // Beyond, an angle has passed a place where it is not defined.
-        let is_lost = plan.coordinate.is_angle() && (end - straight).abs() > MOST_CURVE;
+        let is_lost = plan.coordinate.is_angle()
+            && !params.is_turned
+            && (end - straight).abs() > MOST_CURVE;
         let motion = Motion { value, end: if is_lost { straight } else { end }, rate };
         let law = plan.role.law(&motion, params);
         for (new, old) in law.targets.iter().zip(axis.law.targets) {

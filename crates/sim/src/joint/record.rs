@@ -136,15 +136,9 @@ impl JointRecord {
         [pull * sign, (turn - cross(arms[side], pull)) * sign]
     }
 
-    /// Returns true if it holds a distance: its line turns when its bodies do not.
+    /// Returns true if it has a [line](RowPlan::has_line), which may turn when its bodies do not.
     pub(crate) fn has_line(&self) -> bool {
-        let is_line = |row: &RowPlan| {
-            matches!(
-                row.coordinate,
-                RowCoordinate::Of(Coordinate::Distance | Coordinate::Radial(_))
-            )
-        };
-        self.rows.iter().any(is_line)
+        self.rows.iter().any(RowPlan::has_line)
     }
 
     /// Returns the side of its first body: 1 if a is the world.

@@ -57,6 +57,13 @@ pub(crate) struct RowPlan {
 }
 
 impl RowPlan {
+    /// Returns true if the row has a line that turns when bodies move across it: a rod or a limit of a
+    /// length, or a limit of an angle between directions.
+    pub(crate) fn has_line(&self) -> bool {
+        let RowCoordinate::Of(coordinate) = self.coordinate else { return false };
+        self.role.is_rigid() && coordinate.is_unsigned()
+    }
+
     /// Returns true if the row holds the direction of the x axis, as that of a hinge does.
     pub(crate) fn turns_with_axis(&self) -> bool {
         matches!(self.role, Role::Lock(..))
@@ -156,6 +163,8 @@ pub(crate) struct RowParams {
     pub(crate) repair: [f64; 2],
     /// Largest impulse of a motor or damper without a bound: locks and limits bear it. \[N s, or N m s\]
     pub(crate) strongest: f64,
+    /// True if J is that of the end of the substep, since the line of the row turns far.
+    pub(crate) is_turned: bool,
 }
 
 impl RowParams {
@@ -222,6 +231,8 @@ struct Spring {
     drift: f64,
     /// True if it is so stiff that a substep does not resolve its oscillation.
     is_implicit: bool,
+    /// True if its damping is implicit.
+    is_damped: bool,
 }
 
 impl Spring {
@@ -230,11 +241,12 @@ impl Spring {
         let omega = (stiffness * mobility).sqrt();
         if stiffness > 0.0 && velocity == 0.0 && omega * h < 0.5 {
             let (drift, is_implicit) = (0.0, false);
-            if damping * mobility * h > LIGHT {
+            let is_damped = damping * mobility * h > LIGHT;
+            if is_damped {
                 let turn = omega * h;
                 let kept = 2.0 * (1.0 - libm::cos(turn)) / (turn * turn);
                 let (compliance, gain) = (1.0 / (h * damping), stiffness * kept / damping);
-                return Self { compliance, gain, drift, is_implicit };
+                return Self { compliance, gain, drift, is_implicit, is_damped };
             }
             // zeta w = d / (2 m).
             let decay = 0.5 * damping * mobility * h;
@@ -245,12 +257,13 @@ impl Spring {
             let b = (1.0 + a - 2.0 * root * cosine) / h;
             let kept = a.min(1.0 - 1e-12);
             let compliance = mobility * kept / (1.0 - kept);
-            return Self { compliance, gain: b / (1.0 - kept), drift, is_implicit };
+            return Self { compliance, gain: b / (1.0 - kept), drift, is_implicit, is_damped };
         }
         let sum = h * stiffness + damping;
         let (compliance, gain) = (1.0 / (h * sum), stiffness / sum);
         let is_implicit = omega * h >= 0.5;
-        Self { compliance, gain, drift: damping * velocity / sum, is_implicit }
+        let is_damped = damping > 0.0;
+        Self { compliance, gain, drift: damping * velocity / sum, is_implicit, is_damped }
     }
 }
 
@@ -338,9 +351,10 @@ impl Role {
         params.strongest + force.abs() * params.h
     }
 
-    /// Returns the impulse s of a spring that stands, or 0 \[N s, or N m s\]. A stiff one that moves has
-    /// another in each substep: there only what it has in common with the one that was `solved` counts,
-    /// up to an acceleration of [`FIRM`].
+    /// Returns the impulse s of a spring that stands, or 0 \[N s, or N m s\]. One that moves
+    /// may have another in each substep if it is stiff, and less where its damping opposes it. So of these
+    /// only what they have in common with the impulse that was `solved` counts, of stiff ones up to an
+    /// acceleration of [`FIRM`].
     pub(crate) fn standing(&self, value: f64, solved: f64, params: &RowParams) -> f64 {
         let Some(spring) = self.spring(params) else { return 0.0 };
         let most = match self {
@@ -349,10 +363,11 @@ impl Role {
         };
         let own = spring.gain * self.stretch(value) / spring.compliance;
         let own = own.max(-most).min(most);
-        if !spring.is_implicit {
+        if !spring.is_implicit && !spring.is_damped {
             return own;
         }
-        let most = FIRM * params.h / (params.mobility * params.arm);
+        let firm = FIRM * params.h / (params.mobility * params.arm);
+        let most = if spring.is_implicit { firm } else { f64::INFINITY };
         if own * solved > 0.0 { own.abs().min(solved.abs()).min(most).copysign(own) } else { 0.0 }
     }
 
@@ -484,6 +499,11 @@ impl Role {
             Self::Limit([low, high], None) => (low - value).max(value - high).max(0.0),
             _ => 0.0,
         }
+    }
+
+    /// Returns true if the row is a lock or a limit without softness.
+    pub(crate) fn is_rigid(&self) -> bool {
+        matches!(self, Self::Lock(_, None) | Self::Limit(_, None))
     }
 
     /// Returns true if the row is a lock without softness.

@@ -44,18 +44,22 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         excess > least && (self.is_apart || excess > repair())
     }
 
-    /// Lets the locks leave out curve and repair: then they only take energy.
+    /// Lets locks and limits leave out curve and repair: then they only take energy.
     pub(crate) fn stop_locks(&self, part: &mut MechanismPart<'_, L, A>) {
         let rows = self.records.iter().flat_map(|record| &record.rows).zip(&self.params);
         for (axis, (row, params)) in part.axes.iter_mut().zip(rows) {
-            if row.role.is_rigid_lock() && params.mobility > 0.0 {
-                axis.law.targets = [0.0; 2];
+            if row.role.is_rigid() && params.mobility > 0.0 {
+                let [low, high] = axis.law.targets;
+                axis.law.targets = [low.min(0.0), high.max(0.0)];
+                if row.role.is_rigid_lock() {
+                    axis.law.targets = [0.0; 2];
+                }
             }
         }
     }
 
-    /// Returns the work of the rigid locks in the substep, gamma J (v + v') / 2, where `sum` is v + v'
-    /// of a body. \[J\]
+    /// Returns the work of the rigid locks and limits in the substep, gamma J (v + v') / 2, where `sum` is
+    /// v + v' of a body. \[J\]
     fn work(
         &self,
         part: &MechanismPart<'_, L, A>,
@@ -65,7 +69,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         for (record, joint) in self.records.iter().zip(part.joints) {
             let [a, b] = joint.bodies.map(|body| sum(body) * 0.5);
             for (plan, axis) in record.rows.iter().zip(&mut axes) {
-                if plan.role.is_rigid_lock() {
+                if plan.role.is_rigid() {
                     work += axis.impulse * axis.velocity(&a, &b);
                 }
             }

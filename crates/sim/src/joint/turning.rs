@@ -6,7 +6,7 @@ use super::Coordinate;
 use super::coordinates::{RowCoordinate, Turn, Vec3, cross};
 use super::places::in_space;
 use super::record::{JointRecord, WORLD};
-use super::rows::{Role, RowPlan};
+use super::rows::{Role, RowPlan, RowState};
 use crate::bodies::BodyView;
 use crate::geometry::Geometry;
 
@@ -55,7 +55,7 @@ pub(crate) fn rate<G: Geometry<L, A>, const L: usize, const A: usize>(
             fastest = fastest.max(turn_of_inertia(at, body));
         }
     }
-    fastest = fastest.max(turn_of_line(record, &motions, gravity * dt));
+    fastest = fastest.max(turn_of_lines(record, &motions, gravity * dt));
     if record.axes.iter().any(|axis| axis.coordinate.counts_turns()) {
         let spin = (motions[0].omega - motions[1].omega).length();
         fastest = fastest.max(spin * COUNTED);
@@ -111,33 +111,42 @@ impl FrameMotion {
     }
 }
 
-/// Returns the rate at which the line of a distance of a joint turns, with a speed across it of `more` than
-/// that of the bodies. A rope that is slack has no line. \[rad/s, m/s\]
-fn turn_of_line(record: &JointRecord, [a, b]: &[FrameMotion; 2], more: f64) -> f64 {
-    let rate = |plan: &RowPlan| {
-        let apart = a.position - b.position;
-        let (line, shortest) = match (plan.coordinate, plan.role) {
-            (RowCoordinate::Of(of), Role::Lock(length, None)) => (of, length),
-            (RowCoordinate::Of(of), Role::Limit([_, most], None)) => (of, most),
-            _ => return 0.0,
+/// Returns the rate at which the lines of a joint turn: those of lengths, with a speed across them of `more` than
+/// that of the bodies, and those of angles between directions. A rope that is slack has no line, nor has an
+/// angle within its limits. \[rad/s, m/s\]
+fn turn_of_lines(record: &JointRecord, [a, b]: &[FrameMotion; 2], more: f64) -> f64 {
+    let rate = |(plan, state): (&RowPlan, &RowState)| {
+        let (RowCoordinate::Of(of), true) = (plan.coordinate, plan.has_line()) else { return 0.0 };
+        let most = match plan.role {
+            Role::Lock(value, _) => value,
+            Role::Limit([_, most], _) => most,
+            Role::Drive(_) | Role::Friction(_) => return 0.0,
         };
-        let line = match line {
-            Coordinate::Distance => apart,
+        let apart = a.position - b.position;
+        let (line, velocity, more) = match of {
+            Coordinate::Distance => (apart, a.velocity - b.velocity, more),
             Coordinate::Radial(axis) => {
                 let mut along = Vec3::ZERO;
                 along[axis] = 1.0;
                 let along = b.turn.rotate(along);
-                apart - along * along.dot(apart)
+                (apart - along * along.dot(apart), a.velocity - b.velocity, more)
             }
-            _ => return 0.0,
+            Coordinate::Rotation => {
+                (a.turn.of(&b.turn.inverse()).vector(), a.omega - b.omega, 0.0)
+            }
+            _ => {
+                let [to, from] = [a, b].map(|own| own.turn.rotate(Vector([1.0, 0.0, 0.0])));
+                (cross(from, to), cross(from, cross(a.omega - b.omega, to)), 0.0)
+            }
         };
         let length = line.length();
-        if length <= 0.0 || length < TAUT * shortest {
+        let value = if of.is_angle() { state.value } else { length };
+        if length <= 0.0 || value < TAUT * most {
             return 0.0;
         }
-        (cross(line, a.velocity - b.velocity).length() / length + more) / length
+        (cross(line, velocity).length() / length + more) / length
     };
-    record.rows.iter().map(rate).fold(0.0, f64::max)
+    record.rows.iter().zip(&record.states).map(rate).fold(0.0, f64::max)
 }
 
 /// Returns the rate at which the inertia of a body turns in space, over the inertia: 0 for a solid of
