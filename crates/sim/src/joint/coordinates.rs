@@ -149,6 +149,8 @@ pub(crate) enum RowCoordinate {
     /// Sine of a swing: how far the x axis of a leans along an axis of b. It holds the two at right
     /// angles, without a singular place.
     Lean(usize),
+    /// An elliptic cone times its smaller half-angle: it moves as far as angles do. \[rad\]
+    Ellipse([f64; 2]),
 }
 
 impl RowCoordinate {
@@ -156,7 +158,10 @@ impl RowCoordinate {
     pub(crate) fn is_angle(&self) -> bool {
         match self {
             Self::Of(coordinate) => coordinate.is_angle(),
-            Self::RotationVector(_) | Self::SwingVector(_) | Self::Lean(_) => true,
+            Self::RotationVector(_)
+            | Self::SwingVector(_)
+            | Self::Lean(_)
+            | Self::Ellipse(_) => true,
         }
     }
 }
@@ -327,6 +332,12 @@ impl<'a> JointPlaces<'a> {
                 let vector = self.swing.get_or_init(|| swing(&relative.turn));
                 angular(vector[*axis], unit(*axis))
             }
+            RowCoordinate::Ellipse(angles) => {
+                let own = Coordinate::EllipticCone(*angles);
+                let (value, about) = of_direction(&own, relative.turn.rotate(X));
+                let size = smaller(angles);
+                angular(value * size, about.angular * size)
+            }
             RowCoordinate::Lean(about) => {
                 let (along, sign) = side_of_swing(*about);
                 let e = relative.turn.rotate(X);
@@ -410,6 +421,11 @@ fn swing(turn: &Turn) -> Vec3 {
     let e = turn.rotate(X);
     let (sine, axis) = polar(cross(X, e), Z);
     axis * libm::atan2(sine, X.dot(e))
+}
+
+/// Returns the smaller half-angle of an elliptic cone. \[rad\]
+pub(super) fn smaller([y, z]: &[f64; 2]) -> f64 {
+    y.min(*z)
 }
 
 /// Evaluates a coordinate of frame a in the coordinates of frame b.
@@ -509,12 +525,13 @@ pub(crate) fn nearest(angle: f64, before: f64, turn: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const COORDINATES: [RowCoordinate; 21] = {
+    const COORDINATES: [RowCoordinate; 22] = {
         use Coordinate as C;
-        use RowCoordinate::{Lean, Of};
+        use RowCoordinate::{Ellipse, Lean, Of};
         [
             Lean(1),
             Lean(2),
+            Ellipse([0.3, 0.7]),
             Of(C::Linear(0)),
             Of(C::Linear(1)),
             Of(C::Linear(2)),

@@ -44,7 +44,7 @@
 
 use drystone_solver::law::Interval;
 
-use super::coordinates::RowCoordinate;
+use super::coordinates::{RowCoordinate, smaller};
 use super::{Coordinate, Drive, JointAxis, Softness};
 
 /// A row of a joint.
@@ -60,8 +60,12 @@ impl RowPlan {
     /// Returns true if the row has a line that turns when bodies move across it: a rod or a limit of a
     /// length, or a limit of an angle between directions.
     pub(crate) fn has_line(&self) -> bool {
-        let RowCoordinate::Of(coordinate) = self.coordinate else { return false };
-        self.role.is_rigid() && coordinate.is_unsigned()
+        let is_length = match self.coordinate {
+            RowCoordinate::Of(coordinate) => coordinate.is_unsigned(),
+            RowCoordinate::Ellipse(_) => true,
+            _ => false,
+        };
+        self.role.is_rigid() && is_length
     }
 
     /// Returns true if the row holds the direction of the x axis, as that of a hinge does.
@@ -101,7 +105,13 @@ pub(crate) fn plan(axes: &[JointAxis], dimension: usize) -> Vec<RowPlan> {
             }
             (Some(value), _) => add(own, Role::Lock(value, axis.softness)),
             (None, Some(limits)) if limits.iter().any(|limit| limit.is_finite()) => {
-                add(own, Role::Limit(limits, axis.softness));
+                match (axis.coordinate, axis.softness) {
+                    (Coordinate::EllipticCone(angles), None) => {
+                        let limits = limits.map(|limit| limit * smaller(&angles));
+                        add(RowCoordinate::Ellipse(angles), Role::Limit(limits, None));
+                    }
+                    (_, softness) => add(own, Role::Limit(limits, softness)),
+                }
             }
             _ => {}
         }

@@ -116,22 +116,24 @@ impl FrameMotion {
 /// angle within its limits. \[rad/s, m/s\]
 fn turn_of_lines(record: &JointRecord, [a, b]: &[FrameMotion; 2], more: f64) -> f64 {
     let rate = |(plan, state): (&RowPlan, &RowState)| {
-        let (RowCoordinate::Of(of), true) = (plan.coordinate, plan.has_line()) else { return 0.0 };
+        if !plan.has_line() {
+            return 0.0;
+        }
         let most = match plan.role {
             Role::Lock(value, _) => value,
             Role::Limit([_, most], _) => most,
             Role::Drive(_) | Role::Friction(_) => return 0.0,
         };
         let apart = a.position - b.position;
-        let (line, velocity, more) = match of {
-            Coordinate::Distance => (apart, a.velocity - b.velocity, more),
-            Coordinate::Radial(axis) => {
+        let (line, velocity, more) = match plan.coordinate {
+            RowCoordinate::Of(Coordinate::Distance) => (apart, a.velocity - b.velocity, more),
+            RowCoordinate::Of(Coordinate::Radial(axis)) => {
                 let mut along = Vec3::ZERO;
                 along[axis] = 1.0;
                 let along = b.turn.rotate(along);
                 (apart - along * along.dot(apart), a.velocity - b.velocity, more)
             }
-            Coordinate::Rotation => {
+            RowCoordinate::Of(Coordinate::Rotation) => {
                 (a.turn.of(&b.turn.inverse()).vector(), a.omega - b.omega, 0.0)
             }
             _ => {
@@ -140,7 +142,7 @@ fn turn_of_lines(record: &JointRecord, [a, b]: &[FrameMotion; 2], more: f64) -> 
             }
         };
         let length = line.length();
-        let value = if of.is_angle() { state.value } else { length };
+        let value = if plan.coordinate.is_angle() { state.value } else { length };
         if length <= 0.0 || value < TAUT * most {
             return 0.0;
         }
