@@ -373,6 +373,16 @@ impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
         if self.is_dynamic(body) { self.inertia[body].mass_at::<G>(pose) } else { Mass::ZERO }
     }
 
+    /// Returns I^-1 of a body in its frame, 0 if it is not dynamic; none in the plane. \[1/(kg m^2)\]
+    pub(crate) fn inverse_moments(&self, body: usize) -> Option<SymmetricMatrix<f64, 3>> {
+        let mut inverse = SymmetricMatrix::ZERO;
+        if self.is_dynamic(body) && A == 3 {
+            let own = self.inertia[body].inverse_moments;
+            (0..3).for_each(|i| (0..3).for_each(|j| inverse.0[i][j] = f64::from(own.entry(i, j))));
+        }
+        (A == 3).then_some(inverse)
+    }
+
     /// Returns the acceleration of gravity of a body. \[m/s^2\]
     pub(crate) fn gravity_on(&self, body: usize, gravity: Vector<f32, L>) -> Vector<f32, L> {
         gravity * self.gravity_factor[body]

@@ -158,10 +158,9 @@ impl RowCoordinate {
     pub(crate) fn is_angle(&self) -> bool {
         match self {
             Self::Of(coordinate) => coordinate.is_angle(),
-            Self::RotationVector(_)
-            | Self::SwingVector(_)
-            | Self::Lean(_)
-            | Self::Ellipse(_) => true,
+            Self::RotationVector(_) | Self::SwingVector(_) | Self::Lean(_) | Self::Ellipse(_) => {
+                true
+            }
         }
     }
 }

@@ -60,6 +60,7 @@ const RESIDUAL: f64 = 1e-3;
 const NO_PARAMS: RowParams = RowParams {
     h: 0.0,
     mobility: 0.0,
+    unit: 0.0,
     arm: 0.0,
     lever: 0.0,
     compliance: 0.0,
@@ -290,15 +291,28 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             let reach = Vector::<f64, 3>(reach).length();
             let own = joint.bodies.map(|body| at.inverse_mass(body).cast());
             let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
-            self.params.extend(axes.by_ref().take(joint.count as usize).map(|axis| {
+            let rows = axes.by_ref().zip(&record.rows);
+            self.params.extend(rows.map(|(axis, plan)| {
                 let mobility = axis.mobility(&own);
+                let inverse = |body: u32| at.properties.inverse_moments(body as usize);
+                let at_zero = record.mobility_at_zero(plan, inverse).unwrap_or(mobility);
                 let is_turn = axis.is_turn() && unit > 0.0;
                 let arm = if is_turn { (unit / mobility).sqrt() } else { 1.0 };
                 let lever = if is_turn && !has_loops { arm.max(reach) } else { arm };
                 let repair = [REPAIR, speed / arm];
                 let strongest = STRONGEST * h * arm / self.compliance;
                 let is_turned = false;
-                RowParams { h, mobility, arm, lever, compliance: 0.0, repair, strongest, is_turned }
+                RowParams {
+                    h,
+                    mobility,
+                    unit: at_zero,
+                    arm,
+                    lever,
+                    compliance: 0.0,
+                    repair,
+                    strongest,
+                    is_turned,
+                }
             }));
         }
         self.is_apart = self.is_far([h, speed]);
@@ -765,9 +779,8 @@ fn set_targets<const L: usize, const A: usize>(
         let rate = axis.velocity(a, b);
         let straight = value + params.h * rate;
         // Beyond, an angle has passed a place where it is not defined.
-        let is_lost = plan.coordinate.is_angle()
-            && !params.is_turned
-            && (end - straight).abs() > MOST_CURVE;
+        let is_lost =
+            plan.coordinate.is_angle() && !params.is_turned && (end - straight).abs() > MOST_CURVE;
         let motion = Motion { value, end: if is_lost { straight } else { end }, rate };
         let law = plan.role.law(&motion, params);
         for (new, old) in law.targets.iter().zip(axis.law.targets) {

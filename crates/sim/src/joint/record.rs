@@ -1,10 +1,10 @@
 //! [`JointRecord`]: a joint of a world.
 
-use drystone_solver::{Axis, Velocity};
+use drystone_solver::{Axis, SymmetricMatrix, Velocity};
 
 use super::coordinates::{JointOrigin, JointPlaces, Place, RowCoordinate, Turn, Vec3, cross};
-use super::rows::{RowPlan, RowState};
-use super::{Breaking, Coordinate, JointAxis};
+use super::rows::{Role, RowPlan, RowState};
+use super::{Breaking, Coordinate, Drive, JointAxis};
 
 /// Marks the world in the place of a body.
 pub(crate) const WORLD: u32 = u32::MAX;
@@ -134,6 +134,36 @@ impl JointRecord {
         let side = self.first_side();
         let sign = if side == 1 { -1.0 } else { 1.0 };
         [pull * sign, (turn - cross(arms[side], pull)) * sign]
+    }
+
+    /// Returns A_ii of a drive that gives an acceleration about an axis, where the axes of its frames agree;
+    /// none for another row. `inverse` is I^-1 of a body in its frame. \[1/(kg m^2)\]
+    ///
+    /// By A_ii of where bodies are, stiffness would change with their rotations about other axes: two such
+    /// springs could drive each other without end.
+    pub(crate) fn mobility_at_zero(
+        &self,
+        plan: &RowPlan,
+        inverse: impl Fn(u32) -> Option<SymmetricMatrix<f64, 3>>,
+    ) -> Option<f64> {
+        if !matches!(plan.role, Role::Drive(Drive { acceleration: true, .. })) {
+            return None;
+        }
+        let axis = match plan.coordinate {
+            RowCoordinate::Of(Coordinate::Twist) => 0,
+            RowCoordinate::Of(Coordinate::Swing(axis) | Coordinate::Cardan(axis)) => axis,
+            _ => return None,
+        };
+        let mut unit = Vec3::ZERO;
+        unit[axis] = 1.0;
+        let mut mobility = 0.0;
+        for (frame, &body) in self.frames.iter().zip(&self.bodies) {
+            if body != WORLD {
+                let about = frame.turn.rotate(unit);
+                mobility += about.dot(inverse(body)? * about);
+            }
+        }
+        (mobility > 0.0).then_some(mobility)
     }
 
     /// Returns true if it has a [line](RowPlan::has_line), which may turn when its bodies do not.

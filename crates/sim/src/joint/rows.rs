@@ -162,6 +162,8 @@ pub(crate) struct RowParams {
     pub(crate) h: f64,
     /// Effective mobility A_ii. \[1/kg, or 1/(kg m^2)\]
     pub(crate) mobility: f64,
+    /// A_ii by which accelerations of drives are forces. \[1/kg, or 1/(kg m^2)\]
+    pub(crate) unit: f64,
     /// Arm by which a force of a lock is the moment of this row; 1 for a position. \[m, or 1\]
     pub(crate) arm: f64,
     /// Arm by which the weight of the mechanism turns this row; 1 for a position. \[m, or 1\]
@@ -197,7 +199,7 @@ impl RowParams {
 
     /// Returns the factor from the numbers of a drive to forces.
     fn scale(&self, drive: &Drive) -> f64 {
-        if drive.acceleration { 1.0 / self.mobility } else { 1.0 }
+        if drive.acceleration { 1.0 / self.unit } else { 1.0 }
     }
 }
 

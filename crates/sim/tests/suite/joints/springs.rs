@@ -299,6 +299,77 @@ fn servos_that_press_on_limits_stay() {
     }
 }
 
+/// Springs of given frequencies about all angles of a limb let it come to rest: their stiffness does not depend
+/// on where the limb is. With its present effective mass they drove each other up to 36 rad/s.
+#[test]
+fn limbs_on_springs_about_all_angles_come_to_rest() {
+    let swings = [Coordinate::Swing(1), Coordinate::Swing(2), Coordinate::Twist];
+    let cardan = [0, 1, 2].map(Coordinate::Cardan);
+    for preset in Preset::both() {
+        for (coordinates, length) in
+            [swings, cardan].into_iter().flat_map(|of| [(of, 0.1), (of, 1.0)])
+        {
+            for (frequency, ratios, rate) in [
+                (2.0, [0.1, 0.1, 0.1], 60.0f32),
+                (5.0, [0.1, 0.1, 1.0], 60.0),
+                (8.0, [0.1, 0.1, 0.1], 240.0),
+                (8.0, [0.1, 0.1, 1.0], 60.0),
+            ] {
+                let mut world: World3 = preset.world();
+                let across = length * length / 12.0;
+                let arm = inertia(1.0, [0.04 * across, across, across]);
+                let arm = world.add(ghost([0.5 * length, 0.0, 0.0], arm)).unwrap();
+                let mut ball = Joint::ball([Some(arm), None]).at([0.0; 3]);
+                for ((coordinate, ratio), rest) in
+                    coordinates.into_iter().zip(ratios).zip([0.5, 0.5, -0.5])
+                {
+                    let mut axis = JointAxis::free(coordinate);
+                    axis.drives.push(Drive::frequency(rest, frequency, ratio));
+                    ball.axes.push(axis);
+                }
+                world.join(ball).unwrap();
+                for _ in 0..(20.0 * rate) as usize {
+                    world.step(1.0 / rate).unwrap();
+                }
+                let spin = f64::from(velocity(&world, arm).angular.length());
+                let most = if preset.name == "bake" { 0.1 } else { 0.5 };
+                let name = format!(
+                    "{frequency} Hz about {:?} of {length} m, {ratios:?}, {rate} per second",
+                    coordinates[0]
+                );
+                preset.below(&format!("spin of a limb on {name}"), spin, most);
+            }
+        }
+    }
+}
+
+/// A weight pulled by a spring through a strong damper moves as fast as it is said to.
+#[test]
+fn bodies_in_strong_dampers_have_the_velocity_of_their_motion() {
+    for preset in Preset::both() {
+        for (rate, damping) in [24.0f32, 60.0, 240.0]
+            .into_iter()
+            .flat_map(|rate| [(rate, 30.0), (rate, 300.0), (rate, 3000.0)])
+        {
+            let mut world: World3 = preset.weightless();
+            let body = world.add(ghost([0.0; 3], block(0.7, [0.06; 3]))).unwrap();
+            let slider = Joint::slider([Some(body), None]).about([1.0, 0.0, 0.0]).at([0.0; 3]);
+            world.join(slider.drive(Drive::spring(1.0, 70.0, damping))).unwrap();
+            for _ in 0..rate as usize {
+                world.step(1.0 / rate).unwrap();
+            }
+            let before = f64::from(place(&world, body)[0]);
+            let said = f64::from(velocity(&world, body).linear[0]);
+            world.step(1.0 / rate).unwrap();
+            let then = f64::from(velocity(&world, body).linear[0]);
+            let moved = (f64::from(place(&world, body)[0]) - before) * f64::from(rate);
+            let name = format!("error of the velocity at {damping} N s/m, {rate} per second");
+            let error = (0.5 * (said + then) / moved - 1.0).abs();
+            preset.below(&name, error, if preset.name == "bake" { 0.02 } else { 0.04 });
+        }
+    }
+}
+
 /// A heavy body on a slider with a spring stands over a light plate on the floor.
 #[test]
 fn heavy_on_a_spring_over_light_stands() {

@@ -327,12 +327,7 @@ fn limits_between_directions_hold_heavy_arms() {
 
 /// Lets an arm of 1 kg fall aside on a limit of its ball joint for 2 s. Returns by how much it misses the limit
 /// \[rad\], and the energy that it gains, as a part of that of a fall by the length of the arm.
-fn arm_on(
-    preset: &Preset,
-    limit: JointAxis,
-    length: f64,
-    (load, rate): (f64, f32),
-) -> [f64; 2] {
+fn arm_on(preset: &Preset, limit: JointAxis, length: f64, (load, rate): (f64, f32)) -> [f64; 2] {
     let mut world: World<Rigid3, 3, 3> = preset.world();
     world.gravity = Vector([0.0, -8.609, 4.703]);
     let half = [0.5 * length, 0.05 * length, 0.1 * length];
