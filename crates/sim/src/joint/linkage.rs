@@ -290,31 +290,21 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             let reach = from_fn(|i| (anchor[i] - low[i]).max(high[i] - anchor[i]).max(0.0));
             let reach = Vector::<f64, 3>(reach).length();
             let own = joint.bodies.map(|body| at.inverse_mass(body).cast());
-            let unit: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
-            let rows = axes.by_ref().zip(&record.rows);
-            self.params.extend(rows.map(|(axis, plan)| {
+            let units: f64 = own.iter().map(|mass: &InverseMass<f64, L, A>| mass.linear).sum();
+            let inverse = |body: u32| at.properties.inverse_moments(body as usize);
+            self.params.extend(record.rows.iter().zip(&mut axes).map(|(plan, axis)| {
                 let mobility = axis.mobility(&own);
-                let inverse = |body: u32| at.properties.inverse_moments(body as usize);
-                let at_zero = record.mobility_at_zero(plan, inverse).unwrap_or(mobility);
-                let is_turn = axis.is_turn() && unit > 0.0;
-                let arm = if is_turn { (unit / mobility).sqrt() } else { 1.0 };
+                let unit = record.mobility_at_zero(plan, inverse).unwrap_or(mobility);
+                let is_turn = axis.is_turn() && units > 0.0;
+                let arm = if is_turn { (units / mobility).sqrt() } else { 1.0 };
                 let lever = if is_turn && !has_loops { arm.max(reach) } else { arm };
                 let repair = [REPAIR, speed / arm];
                 let strongest = STRONGEST * h * arm / self.compliance;
-                let is_turned = false;
-                RowParams {
-                    h,
-                    mobility,
-                    unit: at_zero,
-                    arm,
-                    lever,
-                    compliance: 0.0,
-                    repair,
-                    strongest,
-                    is_turned,
-                }
+                let mobilities = RowParams { h, mobility, unit, ..NO_PARAMS };
+                RowParams { arm, lever, repair, strongest, ..mobilities }
             }));
         }
+        debug_assert_eq!(self.params.len(), part.axes.len());
         self.is_apart = self.is_far([h, speed]);
         if self.is_apart {
             self.params.iter_mut().for_each(|params| params.repair[0] = 0.0);
