@@ -328,17 +328,17 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     }
 
     /// Finds the mechanisms whose locks [add energy](crate::joint::taming) to bodies that would move at their
-    /// prospective velocities. If the substep `may_shorten`, it is to be [taken back](Self::turn_rate) for
+    /// prospective velocities, in an `exact` solve or another. If the substep `may_shorten`, it is to be [taken back](Self::turn_rate) for
     /// them. Otherwise their locks leave out curve and repair, and the mechanisms that aim are to be solved
     /// again if this returns true.
     pub(crate) fn tame<G: Geometry<L, A>>(
         &mut self,
         bodies: &MovingBodies<'_, G, L, A>,
-        may_shorten: bool,
+        [may_shorten, exact]: [bool; 2],
     ) -> bool {
         let (at, prospective) = (&bodies.view(), &*bodies.prospective);
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            linkage.adds = linkage.adds_energy(&part, at, prospective);
+            linkage.adds = linkage.adds_energy(&part, at, (prospective, exact));
             linkage.aims = linkage.adds && !may_shorten;
             if linkage.aims {
                 linkage.stop_locks(&mut part);

@@ -142,7 +142,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             self.joints.solve_changed(velocities);
         }
         self.joints.aim_again(&mut self.bodies, true);
-        if self.joints.tame(&self.bodies, may_shorten) {
+        if self.joints.tame(&self.bodies, [may_shorten, false]) {
             self.joints.solve_aiming(self.bodies.velocities);
         }
     }
@@ -514,7 +514,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         let SubstepContext { mut joints, bodies, .. } = self.context();
-        if joints.tame(&bodies, plan.may_shorten) {
+        if joints.tame(&bodies, [plan.may_shorten, true]) {
             self.refine(with_residuals, timer, report);
         }
     }
