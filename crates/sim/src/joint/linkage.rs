@@ -37,9 +37,9 @@ const FAR_MISS: f64 = 5e-5;
 /// \[rad\]
 const FAST_TURN: f32 = 0.005;
 
-/// Cosine of the rotation of a line in a substep from which on its row has the direction at the end: 0.2 rad,
-/// twice that for which steps are planned. \[1\]
-const FAR_COSINE: f64 = 0.98;
+/// Cosine of the rotation of a line in a substep from which on its row has the direction at the end: 0.5 rad.
+/// Steps are planned for 0.1 rad, and that damps. \[1\]
+const FAR_COSINE: f64 = 0.88;
 
 /// Largest difference of an angle from a straight path in a substep. \[rad\]
 const MOST_CURVE: f64 = 0.3;
