@@ -13,8 +13,8 @@ const MOST_GAIN: f64 = 0.02;
 /// Height by which they may lift a mechanism at rest, as a part of its size. \[1\]
 const MOST_LIFT: f64 = 0.005;
 
-/// The same energy, and the speed that they may give a mechanism at rest, where contacts push it and a few sweeps
-/// must do: joints pass on what these leave. \[1, m/s\]
+/// The same energy, and the speed that they may give a mechanism at rest, where contacts push joints without loops
+/// and a few sweeps must do: joints pass on what these leave. \[1, m/s\]
 const PASSED_GAIN: f64 = 0.5;
 const PASSED_SPEED: f64 = 1.0;
 
@@ -34,7 +34,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         let after = |body: u32| at.velocity(body).cast::<f64>();
         let work = self.work(part, |body| before(body) + after(body));
         let of_speed = |speed: f64| 0.5 * self.mass * speed * speed;
-        let (part_of_all, least) = if self.touches && !exact {
+        let (part_of_all, least) = if self.touches && !exact && !self.has_loops(at) {
             (PASSED_GAIN, of_speed(PASSED_SPEED))
         } else {
             (MOST_GAIN, MOST_LIFT * self.size / self.compliance)
