@@ -21,7 +21,7 @@ fn standing(changes: &[(u32, u32, bool)]) -> Vec<bool> {
 }
 
 /// A manifold gives way to one that keeps its axis, or nearly does, but not to one that gives way.
-/// Of two that would give way to each other, the first does.
+/// The first of two that would give way to each other does.
 #[test]
 fn manifolds_do_not_give_way_to_those_that_give_way() {
     assert_eq!(standing(&[(1, 0, false), (2, 1, false)]), [true, false]);
