@@ -397,7 +397,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     /// Relaxes the islands with joints by [`nncg`] with rigid contacts, until the size of an iteration,
     /// sqrt(|g|^2 / m), is within the tolerance, or for `goal.budget` iterations. Each ends with a visit of
     /// the mechanisms. The contacts have been [relaxed](crate::lanes::LaneBatch::relax) once. A
-    /// [blow](BLOW) is relaxed by a few sweeps alone: conjugate directions would load contacts with
+    /// blow is relaxed by a few sweeps alone: conjugate directions would load contacts with
     /// impulses that joints bear, and throw bodies when these break.
     pub fn relax(
         &mut self,
