@@ -16,7 +16,6 @@ use std::ops::Range;
 use drystone_solver::mechanism::{MechanismBatch, MechanismPart, of_batch};
 use drystone_solver::{InverseMass, Velocity};
 
-use crate::balance::speed;
 use crate::geometry::{Frame, Geometry};
 use crate::joint::Breaking;
 use crate::joint::linkage::{Aim, Linkage};
@@ -117,9 +116,10 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     pub(crate) fn begin_springs<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
+        exact: bool,
     ) {
         bodies.standing_gains.fill(Velocity::ZERO);
-        self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part));
+        self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part, exact));
     }
 
     /// Ends the springs that stood at the start of the substep, and those that stand now.
@@ -141,9 +141,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     pub(crate) fn offset_displacements<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
-        params: &SubstepParams<L>,
+        (params, exact): (&SubstepParams<L>, bool),
     ) {
-        self.bear(bodies, params);
+        if exact {
+            self.bear(bodies, params);
+        }
         for (moved, gain) in bodies.displacements.iter_mut().zip(&*bodies.standing_gains) {
             *moved -= *gain * (0.5 * params.h);
         }
@@ -161,7 +163,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     ) {
         let seen = &*bodies.standing_gains;
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            if linkage.exact && linkage.touches {
+            if linkage.touches {
                 linkage.begin_bearing(&mut part);
                 part.load(seen);
                 part.solve();
@@ -169,7 +171,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         });
         let h = params.h;
         let parts = self.mechanisms.parts().zip(&*self.linkages);
-        for (part, linkage) in parts.filter(|(_, linkage)| linkage.exact && linkage.touches) {
+        for (part, linkage) in parts.filter(|(_, linkage)| linkage.touches) {
             let turn = linkage.turn(|body| of_batch(bodies.prospective, bodies.first, body));
             let counts = if A == 0 { 1.0 } else { (turn / TURNING).min(1.0) };
             for (index, &body) in linkage.members.iter().enumerate() {
@@ -192,7 +194,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     /// The bodies are expected to move at their prospective velocities, with the lasting impulses of
     /// the joints. If `exact`, the targets of bodies that touch others follow their paths, too, which
     /// contacts then [change](Self::aim_again).
-    pub(crate) fn warm_start<G: Geometry<L, A>>(&mut self, bodies: &mut MovingBodies<'_, G, L, A>) {
+    pub(crate) fn warm_start<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        exact: bool,
+    ) {
         if self.is_idle() {
             return;
         }
@@ -207,11 +213,10 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
             linkage.turn_lines(seen, &mut part);
         });
         self.mechanisms.apply(bodies.velocities, bodies.masses);
-        let prospective = &*bodies.prospective;
+        let least_miss = if exact { LEAST_MISS } else { MOST_MISS };
+        let aim = Aim { at: bodies.view(), least_miss };
+        let (at, prospective) = (&aim.at, &*bodies.prospective);
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            let least_miss = if linkage.exact { LEAST_MISS } else { MOST_MISS };
-            let aim = Aim { at: bodies.view(), least_miss };
-            let at = &aim.at;
             // Displacements have changed since J was computed.
             linkage.look(at);
             linkage.expect(at.first, prospective);
@@ -221,7 +226,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
             }
             linkage.set_targets(&aim, &mut part);
             linkage.begin_aims();
-            linkage.aims = linkage.is_fast(at) && (linkage.exact || !linkage.touches);
+            linkage.aims = linkage.is_fast(at) && (exact || !linkage.touches);
             if linkage.aims {
                 part.load(at.velocities);
                 linkage.follow(&aim, &mut part);
@@ -242,8 +247,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
 
     /// Solves the mechanisms of which a body touches another one.
     pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.mechanisms
-            .solve_those(self.linkages.iter().map(|of| of.touches && !of.exact), velocities);
+        self.mechanisms.solve_those(self.linkages.iter().map(|of| of.touches), velocities);
     }
 
     /// Marks the bodies of the mechanisms of which the last solve has moved one that touches another body by
@@ -257,10 +261,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         for (part, linkage) in self.mechanisms.parts().zip(&*self.linkages) {
             let mut touched = linkage.members.iter().zip(&linkage.touched).enumerate();
             let is_unsettled = linkage.touches
-                && !linkage.exact
                 && touched.any(|(index, (&body, &is_touched))| {
                     let reach = f64::from(bodies.properties.reach[body as usize].core);
-                    is_touched && speed(&part.change(index), reach) > SETTLED
+                    let change = part.change(index);
+                    let turn = change.angular.dot(change.angular) * reach * reach;
+                    is_touched && change.linear.dot(change.linear) + turn > SETTLED * SETTLED
                 });
             if is_unsettled {
                 any = true;
@@ -275,42 +280,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         any
     }
 
-    /// Notes what the solve of joints has given to bodies that touch others, in a substep of `h` \[s\].
-    pub(crate) fn note_sinking<G: Geometry<L, A>>(
-        &mut self,
-        bodies: &mut MovingBodies<'_, G, L, A>,
-        h: f32,
-    ) {
-        let MovingBodies { masses, balances, properties, first, .. } = bodies;
-        let own = |body: u32| {
-            let own = (body as usize).wrapping_sub(*first);
-            masses.get(own).is_some_and(|of| *of != InverseMass::FIXED).then_some(own)
-        };
-        for (part, linkage) in self.mechanisms.parts().zip(&*self.linkages) {
-            if !linkage.touches {
-                continue;
-            }
-            let members = || linkage.members.iter().filter_map(|&body| own(body));
-            members().for_each(|own| balances[own].pass(h));
-            let mut sinks = false;
-            let touched = linkage.members.iter().zip(&linkage.touched).enumerate();
-            for (index, (&body, _)) in touched.filter(|(_, (_, touched))| **touched) {
-                if let Some(own) = own(body) {
-                    let reach = properties.reach[body as usize].core;
-                    sinks |= balances[own].note(&part.change(index).cast(), reach, h);
-                }
-            }
-            if sinks {
-                members().for_each(|own| balances[own].since = 0.0);
-            }
-        }
-    }
-
     /// Solves the mechanisms whose bodies have other velocities than the last solve has left.
     pub(crate) fn solve_changed(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         let seen = &*velocities;
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            linkage.aims = linkage.touches && !linkage.exact && !part.has(seen);
+            linkage.aims = linkage.touches && !part.has(seen);
             if linkage.aims {
                 part.load(seen);
                 part.solve();
@@ -360,11 +334,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     pub(crate) fn tame<G: Geometry<L, A>>(
         &mut self,
         bodies: &MovingBodies<'_, G, L, A>,
-        may_shorten: bool,
+        [may_shorten, exact]: [bool; 2],
     ) -> bool {
         let (at, prospective) = (&bodies.view(), &*bodies.prospective);
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            linkage.adds = linkage.adds_energy(&part, at, prospective);
+            linkage.adds = linkage.adds_energy(&part, at, (prospective, exact));
             linkage.aims = linkage.adds && !may_shorten;
             if linkage.aims {
                 linkage.stop_locks(&mut part);
