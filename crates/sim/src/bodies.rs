@@ -4,6 +4,7 @@ use drystone_solver::mechanism::of_batch;
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Mass, SymmetricMatrix, System, Vector, Velocity};
 
+use crate::balance::Balance;
 use crate::body::{Filter, Material, Motion};
 use crate::geometry::{Bounds, Frame, Geometry, MassProperties, Precession, Reach};
 use crate::ids::{Slots, put};
@@ -295,6 +296,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) inverse_masses: Vec<InverseMass<f32, L, A>>,
     /// M^-1 J^T gamma of the last warm start.
     pub(crate) contact_gains: Vec<Velocity<f32, L, A>>,
+    /// How contacts and joints balance.
+    pub(crate) balances: Vec<Balance<L, A>>,
     /// Poses of the centers of mass.
     pub(crate) poses: Vec<G::Pose>,
     pub(crate) frames: Vec<Frame<L>>,
@@ -324,6 +327,8 @@ pub(crate) struct Bodies<G: Geometry<L, A>, const L: usize, const A: usize> {
     /// True if a joint acts on it: it rotates in each substep. The array may be shorter; further
     /// bodies have none.
     pub(crate) has_joint: Vec<bool>,
+    /// By body: true if its joints are solved to a tolerance, if there are joints.
+    pub(crate) is_exact: Vec<bool>,
     /// Force and torque in the next step. The array may be shorter; further bodies have
     /// none. \[N, N m\]
     pub(crate) forces: Vec<Velocity<f32, L, A>>,
@@ -346,6 +351,7 @@ pub(crate) struct BodyParams<'a, const L: usize, const A: usize> {
     pub(crate) damping: &'a [[f32; 2]],
     forces: &'a [Velocity<f32, L, A>],
     has_joint: &'a [bool],
+    is_exact: &'a [bool],
     pub(crate) inertia: &'a [Inertia<L, A>],
     pub(crate) precession: &'a [Precession],
     pub(crate) reach: &'a [Reach],
@@ -358,6 +364,11 @@ impl<const L: usize, const A: usize> BodyParams<'_, L, A> {
 
     /// Returns true if a joint acts on a body.
     #[inline]
+    /// Returns true if the joints of the body are solved to a tolerance.
+    pub(crate) fn is_exact(&self, body: usize) -> bool {
+        self.is_exact.get(body) == Some(&true)
+    }
+
     pub(crate) fn has_joint(&self, body: usize) -> bool {
         self.has_joint.get(body) == Some(&true)
     }
@@ -450,6 +461,7 @@ macro_rules! params_of {
             damping: &$bodies.damping,
             forces: &$bodies.forces,
             has_joint: &$bodies.has_joint,
+            is_exact: &$bodies.is_exact,
             inertia: &$bodies.inertia,
             precession: &$bodies.precession,
             reach: &$bodies.reach,
@@ -466,6 +478,7 @@ pub(crate) struct BodiesInMotion<'a, G: Geometry<L, A>, const L: usize, const A:
     pub(crate) velocities: &'a mut [Velocity<f32, L, A>],
     pub(crate) inverse_masses: &'a mut [InverseMass<f32, L, A>],
     pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
+    pub(crate) balances: &'a mut [Balance<L, A>],
 }
 
 /// Returns the change by damping \[1/s\] of a velocity that gains `change` within `h` \[s\].
@@ -531,6 +544,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             velocities: Vec::new(),
             inverse_masses: Vec::new(),
             contact_gains: Vec::new(),
+            balances: Vec::new(),
             poses: Vec::new(),
             frames: Vec::new(),
             position_remainders: Vec::new(),
@@ -547,6 +561,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             reach: Vec::new(),
             thickness: Vec::new(),
             has_joint: Vec::new(),
+            is_exact: Vec::new(),
             forces: Vec::new(),
             surface_speeds: Vec::new(),
             led_energy: [0.0; 2],
@@ -708,6 +723,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.velocities.push(velocity);
         self.inverse_masses.push(InverseMass::FIXED);
         self.contact_gains.push(Velocity::ZERO);
+        self.balances.push(Balance::NEW);
         let frame = self.frames[of];
         self.poses.push(G::advance(&self.poses[of], arm, Vector::ZERO));
         self.frames.push(Frame { position: frame.position + arm, ..frame });
@@ -733,6 +749,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
         self.velocities.truncate(bodies);
         self.inverse_masses.truncate(bodies);
         self.contact_gains.truncate(bodies);
+        self.balances.truncate(bodies);
         self.poses.truncate(bodies);
         self.frames.truncate(bodies);
         self.position_remainders.truncate(bodies);
@@ -802,6 +819,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Bodies<G, L, A> {
             velocities: &mut self.velocities,
             inverse_masses: &mut self.inverse_masses,
             contact_gains: &mut self.contact_gains,
+            balances: &mut self.balances,
         }
     }
 

@@ -17,13 +17,27 @@ use crate::settings::StepSettings;
 /// soft contacts miss theirs by less. \[m/s\]
 pub(crate) const MISSED: f64 = 0.1;
 
+/// Largest certified error, and largest number of iterations, where mechanisms are solved to a tolerance in a
+/// world without one. \[m/s, 1\]
+const BALANCED: f64 = 0.01;
+const MOST_BALANCING: usize = 64;
+
+/// Size of an iteration at which relaxing contacts and joints ends, as a part of the tolerance and at most, and
+/// largest number of iterations. Bodies that stand would keep a velocity of many times that. \[1, m/s, 1\]
+const RELAXED: f64 = 0.1;
+const MOST_RELAXED: f64 = 2e-4;
+const RELAX_ROUNDS: usize = 64;
+
 /// Largest number of steps between searches for jams that find none.
 const LONGEST_WAIT: u32 = 64;
 
 /// Islands, and the solver that brings them within the tolerance.
 #[derive(Default)]
 pub(crate) struct Certifier<const L: usize, const A: usize> {
+    /// Those that are solved to a tolerance; if they are only [some](Self::keep_islands), `all` has all.
     islands: Islands,
+    all: Islands,
+    are_some: bool,
     pub(crate) island_solver: IslandSolver<L, A>,
     loads: Vec<Load>,
     /// Compliances of [`Stiffness`].
@@ -186,7 +200,9 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
             return Vec::new();
         }
         lanes.unpack(system);
-        let jams = jam::find(system, &mut self.islands, MISSED, self.jam_schedule.searches);
+        // Relaxing needs the islands of the part.
+        let mut islands = Islands::default();
+        let jams = jam::find(system, &mut islands, MISSED, self.jam_schedule.searches);
         self.jam_schedule.begin(jams.is_empty());
         jams
     }
@@ -210,7 +226,15 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         masses: &[InverseMass<f32, L, A>],
         pairs: impl Iterator<Item = [u32; 2]>,
     ) {
+        self.are_some = false;
         self.islands.join(masses, pairs);
+    }
+
+    /// Keeps the islands of these bodies. Others are not solved to a tolerance.
+    pub(crate) fn keep_islands(&mut self, bodies: impl Iterator<Item = u32>) {
+        self.all.clone_from(&self.islands);
+        self.are_some = true;
+        self.islands.keep(bodies);
     }
 
     /// Prepares the solver for all substeps of a part of a step. The system has been packed before.
@@ -253,6 +277,31 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         }
     }
 
+    /// Solves the islands that are kept to [`BALANCED`], with at most [`MOST_BALANCING`] iterations. Returns
+    /// their number.
+    pub(crate) fn balance(
+        &mut self,
+        system: &mut System<f32, L, A>,
+        constraints: (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
+        prospective: &[Velocity<f32, L, A>],
+    ) -> usize {
+        let goal = Goal { tolerance: BALANCED, budget: MOST_BALANCING };
+        self.island_solver.iterate_islands(system, constraints, prospective, &self.islands, &goal)
+    }
+
+    /// Relaxes the islands with joints, of those that are solved to a tolerance, to [`RELAXED`] times it.
+    pub(crate) fn relax(
+        &mut self,
+        system: &mut System<f32, L, A>,
+        constraints: (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
+        settings: &StepSettings,
+    ) {
+        let tolerance = if self.are_some { BALANCED } else { settings.tolerance.into() };
+        let tolerance = (RELAXED * tolerance).min(MOST_RELAXED);
+        let goal = Goal { tolerance, budget: RELAX_ROUNDS };
+        self.island_solver.relax(&mut system.velocities, constraints, &self.islands, &goal);
+    }
+
     /// Finds the body that a report on the worst island should name: one at the contact or joint
     /// of that island with the largest residual. The solver names the first body of the island.
     ///
@@ -263,7 +312,8 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
         system: &System<f32, L, A>,
         joints: &Mechanisms<L, A>,
     ) {
-        let Self { islands, pair, scratch, .. } = self;
+        let Self { islands, all, are_some, pair, scratch, .. } = self;
+        let islands = if *are_some { all } else { islands };
         let of_body = |body: u32| islands.of_body.get(body as usize).copied();
         let Some(island) = outcome.worst.and_then(of_body) else { return };
         let mut largest = 0.0f64;
@@ -299,10 +349,17 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     pub(crate) fn certify_sweeps(
         &mut self,
         velocities: &[Velocity<f32, L, A>],
-        constraints: (&LaneSystem<L, A>, &Mechanisms<L, A>),
+        (lanes, joints): (&mut LaneSystem<L, A>, &Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
     ) -> SolveReport {
-        self.island_solver.examine(velocities, constraints, prospective, &self.islands)
+        let Self { islands, all, island_solver, .. } = self;
+        if !self.are_some {
+            return island_solver.examine(velocities, (lanes, joints), prospective, islands);
+        }
+        lanes.set_islands(all);
+        let report = island_solver.examine(velocities, (lanes, joints), prospective, all);
+        lanes.set_islands(islands);
+        report
     }
 }
 

@@ -1,5 +1,6 @@
 //! Adds, changes, reads and removes the joints of a world.
 
+use crate::balance::Balance;
 use crate::body::Motion;
 use crate::geometry::Geometry;
 use crate::ids::{BodyId, JointId, put};
@@ -43,6 +44,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             pulls: [0.0; 2],
             load: [[Vec3::ZERO; 2]; 2],
         };
+        for body in bodies.into_iter().filter(|body| *body != WORLD) {
+            self.bodies.balances[body as usize] = Balance::NEW;
+        }
         let world = self.id();
         let joints = &mut self.solver.joints;
         let slot = joints.slots.take();

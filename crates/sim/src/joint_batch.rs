@@ -16,6 +16,7 @@ use std::ops::Range;
 use drystone_solver::mechanism::{MechanismBatch, MechanismPart, of_batch};
 use drystone_solver::{InverseMass, Velocity};
 
+use crate::balance::speed;
 use crate::geometry::{Frame, Geometry};
 use crate::joint::Breaking;
 use crate::joint::linkage::{Aim, Linkage};
@@ -116,10 +117,9 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     pub(crate) fn begin_springs<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
-        exact: bool,
     ) {
         bodies.standing_gains.fill(Velocity::ZERO);
-        self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part, exact));
+        self.sprung().for_each(|(part, linkage)| linkage.begin_springs(bodies, &part));
     }
 
     /// Ends the springs that stood at the start of the substep, and those that stand now.
@@ -141,11 +141,9 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     pub(crate) fn offset_displacements<G: Geometry<L, A>>(
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
-        (params, exact): (&SubstepParams<L>, bool),
+        params: &SubstepParams<L>,
     ) {
-        if exact {
-            self.bear(bodies, params);
-        }
+        self.bear(bodies, params);
         for (moved, gain) in bodies.displacements.iter_mut().zip(&*bodies.standing_gains) {
             *moved -= *gain * (0.5 * params.h);
         }
@@ -163,7 +161,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     ) {
         let seen = &*bodies.standing_gains;
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            if linkage.touches {
+            if linkage.exact && linkage.touches {
                 linkage.begin_bearing(&mut part);
                 part.load(seen);
                 part.solve();
@@ -171,7 +169,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         });
         let h = params.h;
         let parts = self.mechanisms.parts().zip(&*self.linkages);
-        for (part, linkage) in parts.filter(|(_, linkage)| linkage.touches) {
+        for (part, linkage) in parts.filter(|(_, linkage)| linkage.exact && linkage.touches) {
             let turn = linkage.turn(|body| of_batch(bodies.prospective, bodies.first, body));
             let counts = if A == 0 { 1.0 } else { (turn / TURNING).min(1.0) };
             for (index, &body) in linkage.members.iter().enumerate() {
@@ -194,11 +192,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     /// The bodies are expected to move at their prospective velocities, with the lasting impulses of
     /// the joints. If `exact`, the targets of bodies that touch others follow their paths, too, which
     /// contacts then [change](Self::aim_again).
-    pub(crate) fn warm_start<G: Geometry<L, A>>(
-        &mut self,
-        bodies: &mut MovingBodies<'_, G, L, A>,
-        exact: bool,
-    ) {
+    pub(crate) fn warm_start<G: Geometry<L, A>>(&mut self, bodies: &mut MovingBodies<'_, G, L, A>) {
         if self.is_idle() {
             return;
         }
@@ -213,10 +207,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
             linkage.turn_lines(seen, &mut part);
         });
         self.mechanisms.apply(bodies.velocities, bodies.masses);
-        let least_miss = if exact { LEAST_MISS } else { MOST_MISS };
-        let aim = Aim { at: bodies.view(), least_miss };
-        let (at, prospective) = (&aim.at, &*bodies.prospective);
+        let prospective = &*bodies.prospective;
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
+            let least_miss = if linkage.exact { LEAST_MISS } else { MOST_MISS };
+            let aim = Aim { at: bodies.view(), least_miss };
+            let at = &aim.at;
             // Displacements have changed since J was computed.
             linkage.look(at);
             linkage.expect(at.first, prospective);
@@ -226,7 +221,7 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
             }
             linkage.set_targets(&aim, &mut part);
             linkage.begin_aims();
-            linkage.aims = linkage.is_fast(at) && (exact || !linkage.touches);
+            linkage.aims = linkage.is_fast(at) && (linkage.exact || !linkage.touches);
             if linkage.aims {
                 part.load(at.velocities);
                 linkage.follow(&aim, &mut part);
@@ -247,7 +242,8 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
 
     /// Solves the mechanisms of which a body touches another one.
     pub(crate) fn solve_touching(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
-        self.mechanisms.solve_those(self.linkages.iter().map(|of| of.touches), velocities);
+        self.mechanisms
+            .solve_those(self.linkages.iter().map(|of| of.touches && !of.exact), velocities);
     }
 
     /// Marks the bodies of the mechanisms of which the last solve has moved one that touches another body by
@@ -261,11 +257,10 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         for (part, linkage) in self.mechanisms.parts().zip(&*self.linkages) {
             let mut touched = linkage.members.iter().zip(&linkage.touched).enumerate();
             let is_unsettled = linkage.touches
+                && !linkage.exact
                 && touched.any(|(index, (&body, &is_touched))| {
                     let reach = f64::from(bodies.properties.reach[body as usize].core);
-                    let change = part.change(index);
-                    let turn = change.angular.dot(change.angular) * reach * reach;
-                    is_touched && change.linear.dot(change.linear) + turn > SETTLED * SETTLED
+                    is_touched && speed(&part.change(index), reach) > SETTLED
                 });
             if is_unsettled {
                 any = true;
@@ -280,11 +275,42 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
         any
     }
 
+    /// Notes what the solve of joints has given to bodies that touch others, in a substep of `h` \[s\].
+    pub(crate) fn note_sinking<G: Geometry<L, A>>(
+        &mut self,
+        bodies: &mut MovingBodies<'_, G, L, A>,
+        h: f32,
+    ) {
+        let MovingBodies { masses, balances, properties, first, .. } = bodies;
+        let own = |body: u32| {
+            let own = (body as usize).wrapping_sub(*first);
+            masses.get(own).is_some_and(|of| *of != InverseMass::FIXED).then_some(own)
+        };
+        for (part, linkage) in self.mechanisms.parts().zip(&*self.linkages) {
+            if !linkage.touches {
+                continue;
+            }
+            let members = || linkage.members.iter().filter_map(|&body| own(body));
+            members().for_each(|own| balances[own].pass(h));
+            let mut sinks = false;
+            let touched = linkage.members.iter().zip(&linkage.touched).enumerate();
+            for (index, (&body, _)) in touched.filter(|(_, (_, touched))| **touched) {
+                if let Some(own) = own(body) {
+                    let reach = properties.reach[body as usize].core;
+                    sinks |= balances[own].note(&part.change(index).cast(), reach, h);
+                }
+            }
+            if sinks {
+                members().for_each(|own| balances[own].since = 0.0);
+            }
+        }
+    }
+
     /// Solves the mechanisms whose bodies have other velocities than the last solve has left.
     pub(crate) fn solve_changed(&mut self, velocities: &mut [Velocity<f32, L, A>]) {
         let seen = &*velocities;
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            linkage.aims = linkage.touches && !part.has(seen);
+            linkage.aims = linkage.touches && !linkage.exact && !part.has(seen);
             if linkage.aims {
                 part.load(seen);
                 part.solve();
@@ -334,11 +360,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
     pub(crate) fn tame<G: Geometry<L, A>>(
         &mut self,
         bodies: &MovingBodies<'_, G, L, A>,
-        [may_shorten, exact]: [bool; 2],
+        may_shorten: bool,
     ) -> bool {
         let (at, prospective) = (&bodies.view(), &*bodies.prospective);
         self.mechanisms.for_each(self.linkages.iter_mut(), |mut part, linkage| {
-            linkage.adds = linkage.adds_energy(&part, at, (prospective, exact));
+            linkage.adds = linkage.adds_energy(&part, at, prospective);
             linkage.aims = linkage.adds && !may_shorten;
             if linkage.aims {
                 linkage.stop_locks(&mut part);

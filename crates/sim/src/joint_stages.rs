@@ -1,5 +1,8 @@
 //! The stages of a substep that concern [`Joints`](crate::joints::Joints), on a world.
 
+use drystone_solver::InverseMass;
+
+use crate::balance::Balance;
 use crate::bodies::BodyView;
 use crate::geometry::Geometry;
 use crate::joint::record::WORLD;
@@ -51,8 +54,71 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 touched[body as usize] = self.bodies.is_dynamic(body as usize);
             }
             joints.find_touching(|body| touched[body as usize]);
+            self.find_exact();
         }
         rejoined
+    }
+
+    /// Finds the mechanisms that are solved to a tolerance.
+    pub(crate) fn find_exact(&mut self) {
+        let all = self.settings.tolerance > 0.0;
+        if !all {
+            self.begin_balances();
+        }
+        let bodies = &mut self.bodies;
+        bodies.is_exact.clear();
+        bodies.is_exact.resize(bodies.poses.len(), false);
+        for linkage in &mut self.solver.joints.linkages {
+            let is_due = |&body: &u32| match bodies.is_dynamic(body as usize) {
+                true => bodies.balances[body as usize].sinks(),
+                false => !bodies.is_static(body),
+            };
+            // Contacts of bodies with those that they are joined to may bear against the joints.
+            let collides = linkage.records.iter().any(|record| record.collide);
+            linkage.exact =
+                all || linkage.touches && !collides && linkage.members.iter().any(is_due);
+            if linkage.exact {
+                for &body in &linkage.members {
+                    bodies.is_exact[body as usize] = bodies.has_joint[body as usize];
+                }
+            }
+        }
+    }
+
+    /// Begins the balances of bodies with new joints, and ends those of mechanisms that touch nothing.
+    fn begin_balances(&mut self) {
+        let (linkages, balances) = (&self.solver.joints.linkages, &mut self.bodies.balances);
+        let masses = &self.bodies.inverse_masses;
+        let moves = |body: &&u32| masses[**body as usize] != InverseMass::FIXED;
+        let mut members = linkages.iter().flat_map(|of| &of.members).filter(moves);
+        let mut stands = Vec::new();
+        if members.any(|&body| balances[body as usize] == Balance::NEW) {
+            let mut of_body = vec![usize::MAX; masses.len()];
+            for (index, linkage) in linkages.iter().enumerate() {
+                let own = linkage.members.iter().filter(moves);
+                own.for_each(|&body| of_body[body as usize] = index);
+            }
+            stands.resize(linkages.len(), false);
+            let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
+            let mut joined: Vec<_> = self.solver.joints.pairs().map(sorted).collect();
+            joined.sort_unstable();
+            let pairs = self.contacts.cache.pairs().map(sorted);
+            let pairs = pairs.filter(|pair| joined.binary_search(pair).is_err());
+            let pairs = pairs.map(|pair| pair.map(|body| of_body[body as usize]));
+            for of in pairs.filter(|[a, b]| a != b).flatten() {
+                stands.get_mut(of).into_iter().for_each(|stands| *stands = true);
+            }
+        }
+        for (index, linkage) in linkages.iter().enumerate() {
+            for &body in linkage.members.iter().filter(moves) {
+                let own = &mut balances[body as usize];
+                if linkage.touches {
+                    own.begin(stands.get(index) == Some(&true));
+                } else {
+                    *own = Balance::FREE;
+                }
+            }
+        }
     }
 
     /// Finds the bodies whose M^-1 has changed since the rows of their contacts were read. That of bodies with
@@ -74,6 +140,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         kept.poses.clone_from(&bodies.poses);
         kept.velocities.clone_from(&bodies.velocities);
         kept.contact_gains.clone_from(&bodies.contact_gains);
+        kept.balances.clone_from(&bodies.balances);
         kept.inverse_masses.clone_from(&bodies.inverse_masses);
         kept.spin_states.clone_from(&bodies.spin_states);
     }
@@ -84,6 +151,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         std::mem::swap(&mut kept.poses, &mut bodies.poses);
         std::mem::swap(&mut kept.velocities, &mut bodies.velocities);
         std::mem::swap(&mut kept.contact_gains, &mut bodies.contact_gains);
+        std::mem::swap(&mut kept.balances, &mut bodies.balances);
         std::mem::swap(&mut kept.inverse_masses, &mut bodies.inverse_masses);
         std::mem::swap(&mut kept.spin_states, &mut bodies.spin_states);
         self.solver.lanes.forget();

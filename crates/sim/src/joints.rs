@@ -83,7 +83,7 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     /// Their rows, and the solver.
     pub(crate) mechanisms: Mechanisms<L, A>,
     /// The mechanisms in a substep.
-    linkages: Vec<Linkage<L, A>>,
+    pub(crate) linkages: Vec<Linkage<L, A>>,
     /// Joints that this step has broken.
     snapped: Vec<u32>,
     /// Length of this step. \[s\]
@@ -237,6 +237,17 @@ impl<const L: usize, const A: usize> Joints<L, A> {
             }
             linkage.touches = linkage.touched.contains(&true);
         }
+    }
+
+    /// Returns true if a mechanism is solved to a tolerance with its contacts.
+    pub(crate) fn any_exact(&self) -> bool {
+        self.linkages.iter().any(|linkage| linkage.exact)
+    }
+
+    /// Returns the bodies of the mechanisms that are solved to a tolerance.
+    pub(crate) fn exact_members(&self) -> impl Iterator<Item = u32> {
+        let exact = self.linkages.iter().filter(|linkage| linkage.exact);
+        exact.flat_map(|linkage| linkage.members.iter().copied())
     }
 
     /// Returns true if a body of a mechanism touches another one.

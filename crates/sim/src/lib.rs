@@ -28,6 +28,7 @@
 //! happened, [`World::cast_ray`] what a ray hits. Scenes from files are in `drystone-bake`.
 //! Features: `threads` (default), `serde`, and `assembled`: systems as matrices.
 
+mod balance;
 mod bodies;
 mod body;
 mod broad_phase;

@@ -7,6 +7,7 @@ use drystone_solver::kinematics;
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{InverseMass, Repair, SymmetricMatrix, Vector, Velocity};
 
+use crate::balance::Balance;
 use crate::bodies::{
     Bodies, BodyParams, BodyView, GRAIN, Inertia, SearchMotion, SpinState, damped,
 };
@@ -70,6 +71,8 @@ pub(crate) struct MovingBodies<'a, G: Geometry<L, A>, const L: usize, const A: u
     pub(crate) unsettled: &'a mut [bool],
     /// M^-1 J^T gamma of the last warm start.
     pub(crate) contact_gains: &'a mut [Velocity<f32, L, A>],
+    /// How contacts and joints balance.
+    pub(crate) balances: &'a mut [Balance<L, A>],
     pub(crate) poses: &'a mut [G::Pose],
     pub(crate) spin_states: &'a mut [SpinState<A>],
     pub(crate) turned: &'a mut [bool],
@@ -98,6 +101,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             start,
             unsettled,
             contact_gains: own.contact_gains,
+            balances: own.balances,
             poses: own.poses,
             spin_states: own.spin_states,
             turned: own.turned,
@@ -113,6 +117,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
         let (prospective, later_prospective) = self.prospective.split_at_mut(count);
         let (displacements, later_displacements) = self.displacements.split_at_mut(count);
         let (contact_gains, later_gains) = self.contact_gains.split_at_mut(count);
+        let (balances, later_balances) = self.balances.split_at_mut(count);
         let (poses, later_poses) = self.poses.split_at_mut(count);
         let (spin_states, later_spin_states) = self.spin_states.split_at_mut(count);
         let (turned, later_turned) = self.turned.split_at_mut(count);
@@ -129,6 +134,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             prospective,
             displacements,
             contact_gains,
+            balances,
             poses,
             spin_states,
             turned,
@@ -144,6 +150,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
             prospective: later_prospective,
             displacements: later_displacements,
             contact_gains: later_gains,
+            balances: later_balances,
             poses: later_poses,
             spin_states: later_spin_states,
             turned: later_turned,
@@ -254,7 +261,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
     /// what they [bear](crate::joint_batch::JointBatch::offset_displacements). If the solve is not `exact`,
     /// only what is [borne](borne) by bodies themselves, or by springs, is added. Returns true if any body
     /// rotates ([`kinematics`](drystone_solver::kinematics)).
-    pub(crate) fn offset_displacements(&mut self, params: &SubstepParams<L>, exact: bool) -> bool {
+    pub(crate) fn offset_displacements(&mut self, params: &SubstepParams<L>) -> bool {
         let SubstepParams { gravity, h, .. } = *params;
         let (first, properties) = (self.first, self.properties);
         let (useful, share) = self.pool.share(self.velocities.len(), GRAIN);
@@ -285,6 +292,7 @@ impl<'a, G: Geometry<L, A>, const L: usize, const A: usize> MovingBodies<'a, G, 
                         Some(standing) if properties.has_joint(body) => {
                             let weight = properties.gravity_on(body, gravity).length() * h;
                             let borne = || borne(&constant, standing, weight, h);
+                            let exact = properties.is_exact(body);
                             *standing += constant * if exact { 1.0 } else { borne() };
                         }
                         _ => *displacement -= constant * (0.5 * h),

@@ -540,6 +540,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         PartPlan {
             params,
             solving,
+            balancing: !solving && joints.any_exact(),
             certified_substep,
             ledger: settings.ledger,
             collisions: bouncing.then_some(ImpactSettings {
@@ -550,6 +551,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 sweeps: IMPACT_SWEEPS,
             }),
             whole_system: solving
+                || joints.any_exact()
                 || certified_substep.is_some()
                 || settings.ledger
                 || bouncing
@@ -593,18 +595,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let ConstraintSolver { lanes, joints, certifier, surfaces, carriers, .. } =
             &mut self.solver;
         let (cache, bodies) = (&self.contacts.cache, &self.bodies);
-        let certifying = plan.solving || plan.certified_substep.is_some();
+        let certifying = plan.refines() || plan.certified_substep.is_some();
         if certifying {
             certifier.find_islands(&bodies.inverse_masses, cache.pairs().chain(joints.pairs()));
         }
-        let stiffness = if plan.solving {
+        if plan.balancing {
+            certifier.keep_islands(joints.exact_members());
+        }
+        let stiffness = if plan.refines() {
             let of = |body| [bodies.weight(body, self.gravity), bodies.thickness[body]];
             certifier.stiffness(cache.pairs(), of, &self.settings, plan.params.h)
         } else {
             certifier.no_stiffness()
         };
         let (velocities, whole_system) = (&bodies.velocities, plan.whole_system);
-        let in_order = plan.solving || self.settings.certify;
+        let in_order = plan.refines() || self.settings.certify;
         let (same, couplings) = (same && !rejoined, joints.couplings());
         let renewed = &self.scratch.renewed;
         let rows = CacheSource {

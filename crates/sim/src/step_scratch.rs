@@ -2,6 +2,7 @@
 
 use drystone_solver::{InverseMass, Velocity};
 
+use crate::balance::Balance;
 use crate::bodies::SpinState;
 use crate::cache::{ManifoldCache, Pair};
 use crate::geometry::Geometry;
@@ -57,6 +58,7 @@ pub(crate) struct PartStart<G: Geometry<L, A>, const L: usize, const A: usize> {
     pub(crate) poses: Vec<G::Pose>,
     pub(crate) velocities: Vec<Velocity<f32, L, A>>,
     pub(crate) contact_gains: Vec<Velocity<f32, L, A>>,
+    pub(crate) balances: Vec<Balance<L, A>>,
     pub(crate) inverse_masses: Vec<InverseMass<f32, L, A>>,
     pub(crate) spin_states: Vec<SpinState<A>>,
 }
@@ -67,6 +69,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> Default for PartStart<G,
             poses: Vec::new(),
             velocities: Vec::new(),
             contact_gains: Vec::new(),
+            balances: Vec::new(),
             inverse_masses: Vec::new(),
             spin_states: Vec::new(),
         }

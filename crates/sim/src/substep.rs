@@ -31,6 +31,9 @@ pub(crate) struct PartPlan<const L: usize> {
     pub(crate) params: SubstepParams<L>,
     /// True if each substep is solved to the tolerance.
     pub(crate) solving: bool,
+    /// True if some mechanisms are solved to a tolerance with their contacts, and the rest by sweeps
+    /// ([`balance`](crate::balance)).
+    pub(crate) balancing: bool,
     /// Index of the substep that gets a certificate with all residuals.
     pub(crate) certified_substep: Option<u32>,
     /// True if each substep accounts for its energy.
@@ -50,6 +53,13 @@ pub(crate) struct PartPlan<const L: usize> {
     pub(crate) turn_rate: f64,
 }
 
+impl<const L: usize> PartPlan<L> {
+    /// Returns true if all or some of the system is solved to a tolerance.
+    pub(crate) fn refines(&self) -> bool {
+        self.solving || self.balancing
+    }
+}
+
 /// Number of substeps after which M^-1 J^T gamma is recomputed from the contacts
 /// ([`MovingBodies::reapply_gains`]). In between it comes from the previous substep, and its
 /// rounding errors add up.
@@ -61,11 +71,6 @@ const APPROACH: f32 = 3.5;
 
 /// Largest number of rounds in which joints break within a substep: each loads others. \[1\]
 const SNAP_ROUNDS: usize = 32;
-
-/// Number of rounds in which contacts and joints are relaxed in turn, in a solve to a tolerance. More
-/// of them stop a heavy load that lands on light limbs within one substep, and these miss their
-/// joints. \[1\]
-const RELAX_ROUNDS: usize = 8;
 
 /// Largest number of rounds in which contacts and joints take turns with a few sweeps.
 const MOST_ROUNDS: usize = 32;
@@ -98,9 +103,9 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         } else {
             self.bodies.reapply_gains();
         }
-        let (params, exact) = (&plan.params, plan.solving);
-        let turning = self.bodies.offset_displacements(params, exact);
-        self.joints.offset_displacements(&mut self.bodies, (params, exact));
+        let params = &plan.params;
+        let turning = self.bodies.offset_displacements(params);
+        self.joints.offset_displacements(&mut self.bodies, params);
         turning
     }
 
@@ -131,7 +136,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
 
     /// Solves the joints after the sweeps over contacts. They take turns where much hangs on a body that
     /// strikes another one: contacts would bear it later, and throw it back.
-    fn solve_joints(&mut self, may_shorten: bool) {
+    fn solve_joints(&mut self, h: f32) {
         self.sweep_and_snap(false);
         for _ in 0..MOST_ROUNDS {
             if !self.joints.mark_unsettled(&mut self.bodies) {
@@ -141,8 +146,13 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             self.contacts.sweep_normals_of(velocities, unsettled);
             self.joints.solve_changed(velocities);
         }
+        self.joints.note_sinking(&mut self.bodies, h);
+    }
+
+    /// Sets the targets of joints again for the paths that contacts leave, and tames locks that add energy.
+    fn end_solve(&mut self, may_shorten: bool) {
         self.joints.aim_again(&mut self.bodies, true);
-        if self.joints.tame(&self.bodies, [may_shorten, false]) {
+        if self.joints.tame(&self.bodies, may_shorten) {
             self.joints.solve_aiming(self.bodies.velocities);
         }
     }
@@ -163,21 +173,17 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
     }
 
     /// Takes out the velocities of repair, of contacts and of joints, and stops bodies that have landed:
-    /// sweeps over rigid contacts. In an `exact` solve contacts and joints take turns.
+    /// sweeps over rigid contacts.
     fn relax(
         &mut self,
         (renewed, fastest): (bool, f32),
-        exact: bool,
         params: &SubstepParams<L>,
         timer: &mut StageTimer,
     ) {
         self.joints.end_springs(&mut self.bodies);
         self.joints.begin_relaxing();
-        let touch = self.joints.touch();
-        if touch && !exact {
-            // Contacts see bodies that joints have stopped.
-            self.joints.solve_touching(self.bodies.velocities);
-        }
+        // Contacts see bodies that joints have stopped.
+        self.joints.solve_touching(self.bodies.velocities);
         timer.lap(Stage::Joints);
         let MovingBodies { velocities, displacements, .. } = &mut self.bodies;
         let landing = Landing { displacements, dt: params.h, approach: APPROACH * fastest };
@@ -186,12 +192,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
             self.contacts.resist(velocities);
         }
         timer.lap(Stage::Relax);
-        if touch && exact {
-            for _ in 1..RELAX_ROUNDS {
-                self.joints.solve(velocities);
-                self.contacts.relax(velocities, false, None);
-            }
-        }
+    }
+
+    /// Ends the relaxing with the joints, which may break.
+    fn end_relaxing(&mut self, timer: &mut StageTimer) {
         if !self.joints.is_idle() {
             for _ in 0..=SNAP_ROUNDS {
                 self.joints.solve(self.bodies.velocities);
@@ -241,15 +245,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         let params = &plan.params;
         self.bodies.predict(params);
         clock.lap(Stage::Predict);
-        self.joints.begin_springs(&mut self.bodies, false);
+        self.joints.begin_springs(&mut self.bodies);
         let turning = self.warm_start(substep, *renewed, plan);
         clock.lap(Stage::WarmStart);
-        self.joints.warm_start(&mut self.bodies, false);
+        self.joints.warm_start(&mut self.bodies);
         clock.lap(Stage::Joints);
         self.solve(params, substep, turning);
         clock.lap(Stage::Solve);
         if !self.joints.is_idle() {
-            self.solve_joints(plan.may_shorten);
+            self.solve_joints(plan.params.h);
+            self.end_solve(plan.may_shorten);
             if plan.may_shorten && self.joints.turn_rate(&self.bodies, params).is_some() {
                 return false;
             }
@@ -261,7 +266,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> SubstepContext<'_, G, L,
         clock.lap(Stage::Advance);
         *renewed = turned && self.renew(params);
         self.joints.renew(&mut self.bodies, params);
-        self.relax((*renewed, fastest), false, params, clock);
+        self.relax((*renewed, fastest), params, clock);
+        self.end_relaxing(clock);
         true
     }
 
@@ -397,14 +403,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         *renewed = turned && self.context().renew(params);
         self.renew_joints(params);
         if (turned || !self.solver.joints.is_idle())
-            && (plan.solving || plan.certified_substep.is_some())
+            && (plan.refines() || plan.certified_substep.is_some())
         {
             self.follow_masses();
         }
-        if plan.solving && self.solver.joints.touch() {
+        if plan.refines() && self.solver.joints.touch() {
             self.solver.lanes.follow();
         }
-        self.context().relax((*renewed, fastest), plan.solving, params, timer);
+        self.context().relax((*renewed, fastest), params, timer);
+        self.relax_exactly(plan, timer);
+        self.context().end_relaxing(timer);
         if plan.ledger {
             self.end_ledger(params.h);
         }
@@ -412,6 +420,18 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.record(|contact| contact.impulse[0]);
         }
         timer.lap(Stage::Relax);
+    }
+
+    /// Relaxes contacts and joints in turn, where these are solved to a tolerance.
+    fn relax_exactly(&mut self, plan: &PartPlan<L>, timer: &mut StageTimer) {
+        if plan.refines() && self.solver.joints.touch() {
+            let settings = &self.settings;
+            self.solver.with_system(&mut self.bodies, |solver, _| {
+                let ConstraintSolver { lanes, joints, certifier, system, .. } = solver;
+                certifier.relax(system, (lanes, &mut joints.mechanisms), settings);
+            });
+            timer.lap(Stage::Relax);
+        }
     }
 
     /// Ends the ledger of a substep of `h` \[s\].
@@ -439,7 +459,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             self.context().bodies.keep_start();
         }
         let (collisions, broken) = (report.collisions, self.solver.joints.snapped());
-        let leads = plan.solving && self.solver.joints.touch();
+        let leads = plan.refines() && self.solver.joints.touch();
         if leads {
             let StepScratch { displacements, offsets, before, .. } = &mut self.scratch;
             offsets.clone_from(displacements);
@@ -447,7 +467,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         self.accelerate(plan, renewed, timer, report);
         let mut context = self.context();
-        context.joints.begin_springs(&mut context.bodies, plan.solving);
+        context.joints.begin_springs(&mut context.bodies);
         let turning = context.warm_start(substep, renewed, plan);
         if leads {
             let StepScratch { displacements, offsets, .. } = &mut self.scratch;
@@ -455,7 +475,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         timer.lap(Stage::WarmStart);
         let SubstepContext { mut joints, mut bodies, .. } = self.context();
-        joints.warm_start(&mut bodies, plan.solving);
+        joints.warm_start(&mut bodies);
         if self.solver.joints.are_stiffened() {
             self.follow_masses();
         }
@@ -493,16 +513,29 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         report: &mut StepReport,
     ) {
         if !plan.solving {
-            self.context().solve(&plan.params, substep, turning);
+            if plan.balancing {
+                // Their targets have been set.
+                let SubstepContext { mut contacts, bodies, .. } = self.context();
+                for _ in 0..plan.params.iterations {
+                    contacts.sweep_normals(bodies.velocities);
+                }
+            } else {
+                self.context().solve(&plan.params, substep, turning);
+            }
             timer.lap(Stage::Solve);
-            self.context().solve_joints(plan.may_shorten);
+            self.context().solve_joints(plan.params.h);
+            timer.lap(Stage::Joints);
+            if plan.balancing {
+                report.sweeps += self.balance(timer);
+            }
+            self.context().end_solve(plan.may_shorten);
             timer.lap(Stage::Joints);
             if with_residuals {
                 self.certify_sweeps(timer, report);
             }
             return;
         }
-        if self.solver.joints.may_break() {
+        if plan.solving && self.solver.joints.may_break() {
             self.context().sweep_and_snap(true);
             timer.lap(Stage::Joints);
         }
@@ -514,7 +547,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             }
         }
         let SubstepContext { mut joints, bodies, .. } = self.context();
-        if joints.tame(&bodies, [plan.may_shorten, true]) {
+        if joints.tame(&bodies, plan.may_shorten) {
             self.refine(with_residuals, timer, report);
         }
     }
@@ -550,14 +583,14 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     fn set_targets(&mut self, plan: &PartPlan<L>, substep: u32, turning: bool) {
         let params = &plan.params;
         let saving = self.execution.saving && substep + 1 == params.substeps;
-        if plan.solving || saving {
+        if plan.refines() || saving {
             let velocities = turning.then_some(&self.bodies.velocities[..]);
             self.solver.lanes.set_targets(&self.scratch.displacements, velocities, &params.repair);
             self.context().run_belts(params, substep);
         }
-        if plan.solving && self.solver.joints.touch() {
+        if plan.refines() && self.solver.joints.touch() {
             let StepScratch { displacements, offsets, before: velocities, .. } = &self.scratch;
-            let (joined, repair) = (&self.bodies.has_joint, params.repair);
+            let (joined, repair) = (&self.bodies.is_exact, params.repair);
             self.solver.lanes.lead(&Lead { displacements, offsets, velocities, joined, repair });
         }
         if saving {
@@ -578,10 +611,21 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         self.report_solve(outcome, failed, timer, report);
     }
 
+    /// Solves the mechanisms that sink, with their contacts. Returns the number of sweeps.
+    fn balance(&mut self, timer: &mut StageTimer) -> usize {
+        let prospective = &self.scratch.prospective;
+        let sweeps = self.solver.with_system(&mut self.bodies, |solver, _| {
+            let ConstraintSolver { lanes, joints, certifier, system, .. } = solver;
+            certifier.balance(system, (lanes, &mut joints.mechanisms), prospective)
+        });
+        timer.lap(Stage::Solve);
+        sweeps
+    }
+
     /// Certifies the velocities as the sweeps left them.
     fn certify_sweeps(&mut self, timer: &mut StageTimer, report: &mut StepReport) {
         let ConstraintSolver { lanes, joints, certifier, .. } = &mut self.solver;
-        let (prospective, constraints) = (&self.scratch.prospective, (&*lanes, &joints.mechanisms));
+        let (prospective, constraints) = (&self.scratch.prospective, (lanes, &joints.mechanisms));
         let outcome = certifier.certify_sweeps(&self.bodies.velocities, constraints, prospective);
         let known = &mut certifier.worst_of_sweeps;
         let is_worst = outcome.error.total_cmp(known).is_gt();

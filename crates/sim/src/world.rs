@@ -10,6 +10,7 @@ use std::sync::{Arc, OnceLock};
 use drystone_solver::thread_pool::ThreadPool;
 use drystone_solver::{Clock, InverseMass, System, Vector, Velocity};
 
+use crate::balance::Balance;
 use crate::bodies::{Bodies, Body, Inertia, SpinState, SurfaceVelocity};
 use crate::body::Motion;
 use crate::broad_phase::BroadPhase;
@@ -184,6 +185,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         let inverse_mass = self.bodies.inverse_mass(slot);
         put(&mut self.bodies.inverse_masses, slot, inverse_mass);
         put(&mut self.bodies.contact_gains, slot, Velocity::ZERO);
+        put(&mut self.bodies.balances, slot, Balance::NEW);
         self.sleep.reset(slot);
         if body.motion != Motion::Dynamic {
             self.sleep.mark_placed(slot);

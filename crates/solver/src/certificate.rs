@@ -538,7 +538,8 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
             return;
         }
         self.momenta.resize(self.masses.len(), [Velocity::ZERO; 2]);
-        for joint in &mechanisms.joints {
+        let joints = mechanisms.joints.iter().map(|joint| (islands.of_pair(joint.bodies), joint));
+        for (island, joint) in joints.filter(|(island, _)| (*island as usize) < islands.count) {
             let own = joint.bodies.map(|body| velocities[body as usize].cast::<f64>());
             let axes = &mechanisms.axes[joint.axes()];
             let terms = ManifoldTerms::of_joint(axes, &own);
@@ -547,7 +548,7 @@ impl<const L: usize, const A: usize> CertificateScratch<L, A> {
             for (side, body) in joint.bodies.into_iter().enumerate() {
                 terms.add_momenta::<LINE>(side, 0, &mut self.momenta[body as usize]);
             }
-            self.of_joints.push((islands.of_pair(joint.bodies), residuals));
+            self.of_joints.push((island, residuals));
         }
     }
 

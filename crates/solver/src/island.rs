@@ -59,6 +59,27 @@ impl Islands {
         }
     }
 
+    /// Keeps the islands of these bodies, which are numbered anew.
+    pub fn keep(&mut self, bodies: impl Iterator<Item = u32>) {
+        // The new number of each island.
+        let Self { of_body, count, parents: kept } = self;
+        kept.clear();
+        kept.resize(*count, NONE);
+        for body in bodies {
+            if let Some(kept) = kept.get_mut(of_body[body as usize] as usize) {
+                *kept = 0;
+            }
+        }
+        *count = 0;
+        for kept in kept.iter_mut().filter(|kept| **kept != NONE) {
+            *kept = *count as u32;
+            *count += 1;
+        }
+        for of in of_body {
+            *of = kept.get(*of as usize).copied().unwrap_or(NONE);
+        }
+    }
+
     /// Returns the island of a contact between these bodies.
     pub fn of_pair(&self, bodies: [u32; 2]) -> u32 {
         let [a, b] = bodies.map(|body| self.of_body[body as usize]);

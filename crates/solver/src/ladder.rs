@@ -232,6 +232,11 @@ const TRIAL: usize = 12;
 /// A certificate is due when the predicted error is at most this fraction of the aim. \[1\]
 const SURE: f64 = 0.9;
 
+/// Least number of iterations of relaxing \[1\], and size of the first one beyond which it is a blow, which gets
+/// no more. \[m/s\]
+const LEAST_RELAXED: usize = 7;
+const BLOW: f64 = 0.02;
+
 /// Experience of an [`IslandSolver`] from the systems so far, which steers the next solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -259,6 +264,8 @@ pub struct IslandSolver<const L: usize, const A: usize> {
     done: Vec<bool>,
     /// True for each island with joints.
     jointed: Vec<bool>,
+    /// True for each island that a blow passes through while it is relaxed.
+    struck: Vec<bool>,
     /// Island of each mechanism, and whether it is still open.
     of_mechanisms: Vec<u32>,
     due: Vec<bool>,
@@ -284,6 +291,7 @@ impl<const L: usize, const A: usize> Default for IslandSolver<L, A> {
             scratch: CertificateScratch::default(),
             done: Vec::new(),
             jointed: Vec::new(),
+            struck: Vec::new(),
             of_mechanisms: Vec::new(),
             due: Vec::new(),
             before: Vec::new(),
@@ -340,7 +348,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
             constraints,
             prospective,
             islands,
-            goal,
+            (goal, usize::MAX),
             &mut outcome,
         );
         if self.errors.iter().any(beyond) {
@@ -367,6 +375,62 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         outcome.failed = self.errors.iter().filter(|error| beyond(error)).count();
         outcome.set_worst(&self.errors, islands);
         outcome
+    }
+
+    /// Brings islands within the tolerance by [`nncg`] in lanes alone, or as near as `goal.budget` iterations
+    /// do. Returns their number. Arguments are those of [`solve_islands`](Self::solve_islands).
+    pub fn iterate_islands(
+        &mut self,
+        system: &mut System<f32, L, A>,
+        (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
+        prospective: &[Velocity<f32, L, A>],
+        islands: &Islands,
+        goal: &Goal,
+    ) -> usize {
+        let mut outcome = SolveReport::default();
+        let (velocities, constraints) = (&mut system.velocities, (lanes, joints));
+        let goal = (goal, goal.budget);
+        self.in_lanes::<false>(velocities, constraints, prospective, islands, goal, &mut outcome);
+        outcome.iterations
+    }
+
+    /// Relaxes the islands with joints by [`nncg`] with rigid contacts, until the size of an iteration,
+    /// sqrt(|g|^2 / m), is within the tolerance, or for `goal.budget` iterations. Each ends with a visit of
+    /// the mechanisms. The contacts have been [relaxed](crate::lanes::LaneBatch::relax) once. A
+    /// blow is relaxed by a few sweeps alone: conjugate directions would load contacts with
+    /// impulses that joints bear, and throw bodies when these break.
+    pub fn relax(
+        &mut self,
+        velocities: &mut [Velocity<f32, L, A>],
+        (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
+        islands: &Islands,
+        goal: &Goal,
+    ) {
+        self.begin_lanes(joints, islands, goal);
+        lanes.begin_conjugate();
+        self.done.iter_mut().zip(&self.jointed).for_each(|(done, jointed)| *done = !jointed);
+        self.struck.clear();
+        self.struck.resize(islands.count, false);
+        self.find_due();
+        joints.batch().solve_those(self.due.iter().copied(), velocities);
+        for made in 1..=goal.budget {
+            if !self.done.contains(&false) {
+                break;
+            }
+            self.extrapolate(joints, islands, lanes.betas());
+            lanes.conjugate_rigid(velocities, &self.done);
+            self.find_due();
+            joints.batch().solve_those(self.due.iter().copied(), velocities);
+            let sizes = lanes.gradients().iter().zip(&self.masses);
+            let islands = self.done.iter_mut().zip(&mut self.struck);
+            for ((done, struck), (&size, mass)) in islands.zip(sizes) {
+                let size = f64::from(size);
+                *struck |= made == 1 && size > mass * BLOW * BLOW;
+                let is_small = size <= mass * goal.tolerance * goal.tolerance;
+                *done |= made >= LEAST_RELAXED && (is_small || *struck);
+            }
+            lanes.forget_directions(&self.struck);
+        }
     }
 
     /// Certifies a system as it is, with all residuals.
@@ -413,21 +477,21 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         }));
     }
 
-    /// Runs the methods in lanes, and leaves the certified errors of the islands in `errors`.
+    /// Runs the methods in lanes on each island, with at most `most` iterations, and leaves the certified errors of the islands in `errors`.
     fn in_lanes<const RESIDUALS: bool>(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
         prospective: &[Velocity<f32, L, A>],
         islands: &Islands,
-        goal: &Goal,
+        (goal, most): (&Goal, usize),
         outcome: &mut SolveReport,
     ) {
         self.begin_lanes(joints, islands, goal);
         lanes.begin_conjugate();
         let mut before = Vec::new();
         while self.done.contains(&false) {
-            let longest = LONGEST.max(outcome.iterations / 4);
+            let longest = LONGEST.max(outcome.iterations / 4).min(most);
             let (due, size) = self.iterate(velocities, (lanes, joints), islands, longest);
             outcome.iterations += due;
             before.clone_from(&self.errors);
@@ -444,7 +508,8 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
                     worst = worst.max(error / aim);
                     // Joints without contacts are solved by their one visit.
                     let stands = jointed && size == 0.0;
-                    let hopeless = is_hopeless([before, error], made, limit, aim);
+                    let hopeless =
+                        made[1] >= most || is_hopeless([before, error], made, limit, aim);
                     *done = error <= aim || stands || hopeless;
                 }
             }
@@ -466,9 +531,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
         longest: usize,
     ) -> (usize, f64) {
         let (mut made, mut size_before) = (0usize, 0.0);
-        let open = |island: &u32| self.done.get(*island as usize).is_some_and(|done| !done);
-        self.due.clear();
-        self.due.extend(self.of_mechanisms.iter().map(open));
+        self.find_due();
         let has_joints = self.due.contains(&true);
         loop {
             if has_joints {
@@ -490,6 +553,13 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
                 return (made, size);
             }
         }
+    }
+
+    /// Finds the mechanisms of islands that are not done.
+    fn find_due(&mut self) {
+        let open = |island: &u32| self.done.get(*island as usize).is_some_and(|done| !done);
+        self.due.clear();
+        self.due.extend(self.of_mechanisms.iter().map(open));
     }
 
     /// Moves the impulses of the rows along their search directions: r <- r + beta p. The velocities

@@ -122,6 +122,8 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) touched: Vec<bool>,
     /// True if a body touches another one.
     pub(crate) touches: bool,
+    /// True if it is solved to a tolerance together with its contacts.
+    pub(crate) exact: bool,
     /// True if what its springs and motors give in a substep is bounded before joints bear it.
     pub(super) bounded: bool,
     /// True if the targets are to follow the path that the joints leave.
@@ -189,6 +191,7 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             true_masses: Vec::with_capacity(count),
             touched: vec![false; count],
             touches: false,
+            exact: false,
             bounded: true,
             aims: false,
             is_apart: false,

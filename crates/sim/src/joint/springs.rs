@@ -24,10 +24,9 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         &mut self,
         bodies: &mut MovingBodies<'_, G, L, A>,
         part: &MechanismPart<'_, L, A>,
-        exact: bool,
     ) {
         // Where joints and contacts bear them in an exact solve, what is left of them is bounded.
-        self.bounded = !(exact && self.touches);
+        self.bounded = !(self.exact && self.touches);
         // These give nothing at the end of a substep.
         self.find_rows(0, Role::constant, &bodies.view(), part);
         self.displace_by_rows(bodies);

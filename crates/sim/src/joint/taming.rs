@@ -28,13 +28,13 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
         &self,
         part: &MechanismPart<'_, L, A>,
         at: &BodyView<'_, G, L, A>,
-        (prospective, exact): (&[Velocity<f32, L, A>], bool),
+        prospective: &[Velocity<f32, L, A>],
     ) -> bool {
         let before = |body: u32| of_batch(prospective, at.first, body).cast::<f64>();
         let after = |body: u32| at.velocity(body).cast::<f64>();
         let work = self.work(part, |body| before(body) + after(body));
         let of_speed = |speed: f64| 0.5 * self.mass * speed * speed;
-        let (part_of_all, least) = if self.touches && !exact && !self.has_loops(at) {
+        let (part_of_all, least) = if self.touches && !self.exact && !self.has_loops(at) {
             (PASSED_GAIN, of_speed(PASSED_SPEED))
         } else {
             (MOST_GAIN, MOST_LIFT * self.size / self.compliance)

@@ -13,6 +13,7 @@ use drystone_solver::{InverseMass, SymmetricMatrix, Vector, Velocity};
 use serde::{Deserialize, Serialize};
 
 use super::World;
+use crate::balance::Balance;
 use crate::bodies::{SearchMotion, SpinState};
 use crate::broad_phase::BroadPhase;
 use crate::cache::{self, CachedManifold, CachedPoint, ManifoldCache, Pair};
@@ -47,6 +48,8 @@ pub struct Checkpoint {
     velocities: Vec<f32>,
     /// M^-1 J^T gamma of the last warm start of each body. \[m/s, rad/s\]
     contact_gains: Vec<f32>,
+    /// How contacts and joints of each body balance: a mean velocity, then a time. \[m/s, rad/s, s\]
+    balances: Vec<f32>,
     /// Forces and torques of the next step. \[N, N m\]
     forces: Vec<f32>,
     /// M^-1 as left by the last step: the linear part, then the rows of the angular part.
@@ -196,6 +199,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             spins: bodies.spin_states.iter().flat_map(|turn| turn.remainder.0).collect(),
             velocities: flat_velocities(&self.bodies.velocities),
             contact_gains: flat_velocities(&self.bodies.contact_gains),
+            balances: self.bodies.balances.iter().flat_map(flat_balance).collect(),
             forces: (0..self.len()).flat_map(|body| flat_velocity(&bodies.force(body))).collect(),
             masses: self.bodies.inverse_masses.iter().flat_map(flat_mass).collect(),
             moved_since_rebuild: bodies
@@ -348,6 +352,12 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         }
         fill_velocities(&from.velocities, &mut bodies.velocities);
         fill_velocities(&from.contact_gains, &mut bodies.contact_gains);
+        let mut numbers = from.balances.iter().copied();
+        for balance in &mut bodies.balances {
+            let sinking = Velocity { linear: take(&mut numbers), angular: take(&mut numbers) };
+            let Vector([since]) = take(&mut numbers);
+            *balance = Balance { sinking, since };
+        }
         bodies.forces.resize(bodies.poses.len(), Velocity::ZERO);
         fill_velocities(&from.forces, &mut bodies.forces);
         bodies.moved_since_rebuild.clone_from(&from.moved_since_rebuild);
@@ -382,6 +392,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             ("spins", bodies * A, from.spins.len()),
             ("velocities", bodies * (L + A), from.velocities.len()),
             ("contact gains", bodies * (L + A), from.contact_gains.len()),
+            ("balances", bodies * (L + A + 1), from.balances.len()),
             ("forces", bodies * (L + A), from.forces.len()),
             ("masses", bodies * (1 + A * A), from.masses.len()),
             ("distances moved", bodies, from.moved_since_rebuild.len()),
@@ -407,28 +418,7 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if slots.into_iter().any(|&body| body as usize >= bodies) {
             return Err(CheckpointError::OtherBodies);
         }
-        for (what, numbers) in [
-            ("poses", &from.poses),
-            ("position_remainders", &from.position_remainders),
-            ("spins", &from.spins),
-            ("velocities", &from.velocities),
-            ("contact gains", &from.contact_gains),
-            ("forces", &from.forces),
-            ("masses", &from.masses),
-            ("motions since the search", &from.since_search),
-            ("boxes", &from.boxes),
-            ("clearances", &from.clearances),
-            ("torques", &from.torques),
-            ("frames", &from.frames),
-            ("points", &from.points),
-            ("rest times", &from.still),
-            ("gravity", &from.gravity),
-        ] {
-            if numbers.iter().any(|number| !number.is_finite()) {
-                return Err(CheckpointError::NotFinite(what));
-            }
-        }
-        Ok(())
+        check_finite(from)
     }
 
     fn check_joints(&self, from: &SavedJoints) -> Result<(), CheckpointError> {
@@ -562,6 +552,33 @@ fn point<const L: usize>(numbers: &[f32], feature: u64) -> (CachedPoint<L>, Cach
     (CachedPoint { on_a, on_b, push_point, feature }, cached)
 }
 
+/// Checks that the numbers of a checkpoint are finite.
+fn check_finite(from: &Checkpoint) -> Result<(), CheckpointError> {
+    for (what, numbers) in [
+        ("poses", &from.poses),
+        ("position_remainders", &from.position_remainders),
+        ("spins", &from.spins),
+        ("velocities", &from.velocities),
+        ("contact gains", &from.contact_gains),
+        ("balances", &from.balances),
+        ("forces", &from.forces),
+        ("masses", &from.masses),
+        ("motions since the search", &from.since_search),
+        ("boxes", &from.boxes),
+        ("clearances", &from.clearances),
+        ("torques", &from.torques),
+        ("frames", &from.frames),
+        ("points", &from.points),
+        ("rest times", &from.still),
+        ("gravity", &from.gravity),
+    ] {
+        if numbers.iter().any(|number| !number.is_finite()) {
+            return Err(CheckpointError::NotFinite(what));
+        }
+    }
+    Ok(())
+}
+
 /// Takes the next numbers as a vector.
 fn take<const N: usize>(numbers: &mut impl Iterator<Item = f32>) -> Vector<f32, N> {
     Vector(from_fn(|_| numbers.next().unwrap_or(0.0)))
@@ -596,6 +613,12 @@ fn flat_velocity<const L: usize, const A: usize>(
     of: &Velocity<f32, L, A>,
 ) -> impl Iterator<Item = f32> + use<L, A> {
     of.linear.0.into_iter().chain(of.angular.0)
+}
+
+fn flat_balance<const L: usize, const A: usize>(
+    of: &Balance<L, A>,
+) -> impl Iterator<Item = f32> + use<L, A> {
+    flat_velocity(&of.sinking).chain([of.since])
 }
 
 fn fill_velocities<const L: usize, const A: usize>(

@@ -196,12 +196,13 @@ pub(crate) trait Passes<const L: usize, const A: usize>: Debug + Sync {
 
     fn resist(&self, batch: &mut LaneBatch<'_, L, A>, velocities: &mut Velocities<L, A>);
 
+    /// `on` says which islands are done, and whether contacts are rigid.
     fn conjugate(
         &self,
         state: &mut Conjugate<L, A>,
         batch: &mut LaneBatch<'_, L, A>,
         velocities: &mut Velocities<L, A>,
-        done: &[bool],
+        on: (&[bool], bool),
     );
 
     /// `which` says whether to compute residuals and the line, as in

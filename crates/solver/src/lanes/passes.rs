@@ -16,7 +16,7 @@ use super::view::{view_all, view_all_mut, view_mut};
 use super::{Lanes, PART, Portable, WIDTH, lanes_of};
 use crate::certificate::{Certificate, CertificateScratch, ManifoldTerms};
 use crate::contact::{RIGID, RIGID_APART, SOFT};
-use crate::island::Islands;
+use crate::island::{Islands, NONE};
 use crate::thread_pool::DisjointSlice;
 use crate::{Contact, Repair, SurfaceEffects, Vector, Velocity, nncg};
 
@@ -405,9 +405,13 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
         state: &mut Conjugate<L, A>,
         batch: &mut LaneBatch<'_, L, A>,
         velocities: &mut Velocities<L, A>,
-        done: &[bool],
+        (done, rigid): (&[bool], bool),
     ) {
-        iterate::<V, L, A>(state, batch, velocities, done);
+        if rigid {
+            iterate::<V, L, A, RIGID>(state, batch, velocities, done);
+        } else {
+            iterate::<V, L, A, SOFT>(state, batch, velocities, done);
+        }
     }
 
     fn certify<'a>(
@@ -504,7 +508,7 @@ fn worst<V: Lanes, const L: usize, const A: usize>(
 }
 
 /// Runs one iteration over the islands that are not `done`.
-fn iterate<V: Lanes, const L: usize, const A: usize>(
+fn iterate<V: Lanes, const L: usize, const A: usize, const LAW: u8>(
     state: &mut Conjugate<L, A>,
     batch: &mut LaneBatch<'_, L, A>,
     velocities: &mut [Velocity<f32, L, A>],
@@ -558,7 +562,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize>(
                 contact.impulse += *direction * beta;
                 *before = contact.impulse;
             }
-            at.visit::<SOFT, true>(points, false);
+            at.visit::<LAW, true>(points, false);
             let mut size = V::ZERO;
             for (contact, before) in points.iter().zip(before) {
                 size += nncg::size(contact, *before);
@@ -592,6 +596,9 @@ fn certify<
     ReadSweep::<V, L, A>::new(all, velocities).each(
         #[inline(always)]
         |mut at| {
+            if at.block().islands.iter().all(|island| *island == NONE) {
+                return;
+            }
             let (block, moving, residuals_of) =
                 (at.block(), at.gather(), at.of_lanes(&residuals_of));
             let points = &view_all(all.contacts)[block.manifold.points()];

@@ -290,10 +290,25 @@ impl<const L: usize, const A: usize> LaneSystem<L, A> {
 
     /// Runs one iteration of [`nncg`](crate::nncg) over the islands that are not `done`.
     pub fn conjugate(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
+        self.conjugate_by(velocities, (done, false));
+    }
+
+    /// Does the same with rigid contacts that repair nothing, as [`LaneBatch::relax`] does.
+    pub fn conjugate_rigid(&mut self, velocities: &mut [Velocity<f32, L, A>], done: &[bool]) {
+        self.conjugate_by(velocities, (done, true));
+    }
+
+    fn conjugate_by(&mut self, velocities: &mut [Velocity<f32, L, A>], on: (&[bool], bool)) {
         let mut state = std::mem::take(&mut self.conjugate);
         let passes = self.passes;
-        passes.conjugate(&mut state, &mut self.whole(&mut []), velocities, done);
+        passes.conjugate(&mut state, &mut self.whole(&mut []), velocities, on);
         self.conjugate = state;
+    }
+
+    /// Lets these islands go on without search directions.
+    pub fn forget_directions(&mut self, islands: &[bool]) {
+        let betas = self.conjugate.betas.iter_mut().zip(islands);
+        betas.filter(|(_, forgets)| **forgets).for_each(|(beta, _)| *beta = 0.0);
     }
 
     /// Returns beta of each island for the next iteration. \[1\]

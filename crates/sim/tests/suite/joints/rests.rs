@@ -357,3 +357,91 @@ fn turning_loads_are_loads() {
         }
     }
 }
+
+/// A hand closes two fingers on a box, and lifts it. With a few sweeps the fingers lost it: they sink, and
+/// friction does not follow.
+#[test]
+fn hands_lift_what_they_press() {
+    for preset in all() {
+        for (half, mass, speed) in
+            [(0.02, 0.05, 0.1), (0.05, 1.0, 0.2), (0.05, 8.0, 0.1), (0.3, 50.0, 0.5)]
+        {
+            for light in [0.02, 0.2] {
+                let mut world: World3 = preset.world();
+                let rough = surface(0.8, 0.0);
+                let floor = Rigid3::halfspace([0.0, 1.0, 0.0]);
+                world.add(body(Motion::Static, [0.0; 3], floor, &rough)).unwrap();
+                let mut add = |at, size, mass| {
+                    let part = dynamic(at, Rigid3::cuboid(size), &rough);
+                    world.add(weighing(part, mass)).unwrap()
+                };
+                let load = add([0.0, half, 0.0], [half; 3], mass);
+                let size = [0.2 * half, half, 0.6 * half];
+                let fingers = [-1.0, 1.0].map(|side: f32| {
+                    (side, add([1.25 * side * half, 1.2 * half, 0.0], size, light * mass))
+                });
+                let top = [0.0, 4.0 * half, 0.0];
+                let hand = body(Motion::Kinematic, top, Rigid3::cuboid([half; 3]), &rough);
+                let hand = world.add(hand).unwrap();
+                for (side, finger) in fingers {
+                    let max_force = 4.0 * f64::from(mass) * ACCELERATION;
+                    let drive = Drive { max_force, ..Drive::velocity(f64::from(-side * half)) };
+                    let slider = Joint::slider([Some(finger), Some(hand)]).about([1.0, 0.0, 0.0]);
+                    world
+                        .join(slider.at([1.25 * side * half, 2.0 * half, 0.0]).drive(drive))
+                        .unwrap();
+                }
+                run(&mut world, 0.5);
+                let low = place(&world, load)[1];
+                let up = Velocity { linear: Vector([0.0, speed, 0.0]), angular: Vector::ZERO };
+                world.set_velocity(hand, up).unwrap();
+                run(&mut world, 1.0);
+                let lost = f64::from((place(&world, load)[1] - low - speed).abs());
+                let of = format!("{mass} kg of {half} m in fingers of {light}, lost");
+                preset.below(&of, lost, 0.02 * f64::from(speed));
+            }
+        }
+    }
+}
+
+/// Plates that are folded on hinges bear a heavy load, in long steps. It moved at 45 mm/s: relaxing did not
+/// converge.
+#[test]
+fn folded_plates_bear_heavy_loads() {
+    let preset = Preset::bake();
+    for (count, ratio, dt) in
+        [(3, 30.0, 1.0 / 24.0), (6, 100.0, 1.0 / 60.0), (4, 200.0, 1.0 / 60.0)]
+    {
+        let mut world: World3 = preset.world();
+        let rough = surface(0.6, 0.0);
+        let floor = Rigid3::halfspace([0.0, 1.0, 0.0]);
+        world.add(body(Motion::Static, [0.0; 3], floor, &rough)).unwrap();
+        let half = [0.5f32, 0.05, 0.4];
+        let mut below = None;
+        for i in 0..count {
+            let at = [0.0, half[1] * (2 * i + 1) as f32, 0.0];
+            // Every second one is a third of the others.
+            let mass = if i % 2 == 0 { 1.0 } else { 0.3 };
+            let plate = weighing(dynamic(at, Rigid3::cuboid(half), &rough), mass);
+            let plate = world.add(plate).unwrap();
+            if below.is_some() {
+                let x = if i % 2 == 0 { half[0] } else { -half[0] };
+                let hinge = Joint::hinge([Some(plate), below]).about([0.0, 0.0, 1.0]);
+                world.join(hinge.at([x, at[1] - half[1], 0.0]).colliding()).unwrap();
+            }
+            below = Some(plate);
+        }
+        let at = [0.1, 2.0 * half[1] * count as f32 + 0.2, 0.0];
+        let load = weighing(dynamic(at, Rigid3::cuboid([0.2; 3]), &rough), ratio);
+        let load = world.add(load).unwrap();
+        let (mut sunk, mut fastest) = (0.0f64, 0.0f64);
+        for _ in 0..(2.0 / dt) as usize {
+            world.step(dt).unwrap();
+            sunk = sunk.max(f64::from((place(&world, load)[1] - at[1]).abs()));
+            fastest = fastest.max(f64::from(velocity(&world, load).linear.length()));
+        }
+        let of = format!("{ratio} kg on {count} plates, {dt} s");
+        preset.below(&format!("sinking of {of}"), sunk, 3e-4);
+        preset.below(&format!("speed of {of}"), fastest, 1e-2);
+    }
+}
