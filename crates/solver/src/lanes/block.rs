@@ -376,14 +376,17 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         self.islands.iter().fold(true, |one, of| one & (*of == first)).then_some(first)
     }
 
-    /// Returns whether all its manifolds belong to islands that are done.
+    /// Returns the lanes, as bits, whose manifolds belong to islands that are not done.
     #[inline(always)]
-    pub(super) fn is_done(&self, done: &[bool]) -> bool {
-        let is_done = |island: u32| done.get(island as usize).copied().unwrap_or(true);
-        match self.island() {
-            Some(island) => is_done(island),
-            None => self.islands.iter().all(|&island| is_done(island)),
-        }
+    pub(super) fn open_lanes(&self, done: &[bool]) -> u16 {
+        let is_open = |island: u32| done.get(island as usize) == Some(&false);
+        let open = match self.island() {
+            Some(island) => u16::from(is_open(island)) * u16::MAX,
+            None => (0..)
+                .zip(self.islands)
+                .fold(0, |all, (lane, own)| all | u16::from(is_open(own)) << lane),
+        };
+        open & self.used
     }
 }
 

@@ -8,7 +8,7 @@ use std::marker::PhantomData;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::batch::{LaneBatch, Passes, Velocities, View};
-use super::block::{Block, choose, splat};
+use super::block::{Block, splat};
 use super::conjugate::{Conjugate, of};
 use super::motion::{Landing, MovedBodies, Targets, land, renew};
 use super::sweep::{BlockSweep, BlocksMut, ReadSweep};
@@ -18,11 +18,7 @@ use crate::certificate::{Certificate, CertificateScratch, ManifoldTerms};
 use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::island::{Islands, NONE};
 use crate::thread_pool::DisjointSlice;
-use crate::{Contact, Repair, SurfaceEffects, Vector, Velocity, nncg};
-
-/// Points of a manifold that keep their impulses where it is not due; a manifold with more of them is swept
-/// with its neighbors.
-const MOST_POINTS: usize = 8;
+use crate::{Contact, Repair, SurfaceEffects, Velocity, nncg};
 
 /// Grain size of the pass over the bodies in a certificate.
 const CERTIFICATE_GRAIN: usize = 16;
@@ -271,28 +267,12 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
             #[inline(always)]
             |mut at| {
                 let [a, b] = at.block.bodies;
-                let due = std::array::from_fn(|lane| {
-                    let is_due = is_due(a[lane]) || is_due(b[lane]);
-                    if is_due { 1.0 } else { 0.0 }
-                });
-                if due.iter().all(|own| *own == 0.0) {
-                    return;
+                let is_due = |lane: usize| is_due(a[lane]) || is_due(b[lane]);
+                let due = (0..WIDTH).fold(0, |all, lane| all | u16::from(is_due(lane)) << lane);
+                if due != 0 {
+                    let points = at.points();
+                    at.visit_lanes::<RIGID_APART, false>(points, due);
                 }
-                let (due, points) = (V::from_array(due), at.points());
-                let before: [Velocity<V, L, A>; 2] = at.gather();
-                let mut impulses = [Vector::ZERO; MOST_POINTS];
-                for (kept, contact) in impulses.iter_mut().zip(&*points) {
-                    *kept = contact.impulse;
-                }
-                at.visit::<RIGID_APART, false>(points, false);
-                for (kept, contact) in impulses.iter().zip(points) {
-                    contact.impulse = choose(due, contact.impulse, *kept);
-                }
-                let after: [Velocity<V, L, A>; 2] = at.gather();
-                at.scatter([0, 1].map(|side: usize| Velocity {
-                    linear: choose(due, after[side].linear, before[side].linear),
-                    angular: choose(due, after[side].angular, before[side].angular),
-                }));
             },
         );
     }
@@ -514,7 +494,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize, const LAW: u8>(
     velocities: &mut [Velocity<f32, L, A>],
     done: &[bool],
 ) {
-    // Bodies of islands that are done must stop, as most of their contacts do.
+    // Bodies of islands that are done must stop, as their contacts do.
     let of_done = state.betas.iter_mut().zip(done).filter(|(_, done)| **done);
     of_done.for_each(|(beta, _)| *beta = 0.0);
     let betas = &state.betas;
@@ -547,7 +527,8 @@ fn iterate<V: Lanes, const L: usize, const A: usize, const LAW: u8>(
         #[inline(always)]
         |mut at| {
             let block = at.block;
-            if block.is_done(done) {
+            let open = block.open_lanes(done);
+            if open == 0 {
                 return;
             }
             let beta = match block.island() {
@@ -562,7 +543,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize, const LAW: u8>(
                 contact.impulse += *direction * beta;
                 *before = contact.impulse;
             }
-            at.visit::<LAW, true>(points, false);
+            at.visit_lanes::<LAW, true>(points, open);
             let mut size = V::ZERO;
             for (contact, before) in points.iter().zip(before) {
                 size += nncg::size(contact, *before);

@@ -15,18 +15,22 @@ mod prefetch;
 use std::ops::Range;
 
 use super::batch::{LaneBatch, View};
-use super::block::{Block, CachedImpulse};
+use super::block::{Block, CachedImpulse, choose};
 use super::coloring::{BINS, Color, Coloring};
 use super::number::{HALF, scatter};
 use super::view::{view, view_all, view_all_mut};
 use super::{KernelLanes, Lanes, Portable, WIDTH};
 use crate::pgs::{self, BodyPair};
 use crate::thread_pool::{DisjointSlice, ThreadPool, Worker};
-use crate::{Contact, InverseMass, SurfaceEffects, Velocity, each_lane};
+use crate::{Contact, InverseMass, SurfaceEffects, Vector, Velocity, each_lane};
 
 /// Size of the blocks from which on upcoming data is prefetched: far more than a level-2 cache
 /// holds. For less, prefetching costs more than it saves. \[bytes\]
 const LARGE: usize = 4 << 20;
+
+/// Points of a manifold that keep their impulses where it is not due; a manifold with more of them is swept
+/// with its neighbors.
+const MOST_POINTS: usize = 8;
 
 /// A sweep over the blocks of a batch, with the velocities of its bodies.
 pub(super) struct BlockSweep<'a, V: Lanes, const L: usize, const A: usize> {
@@ -195,6 +199,37 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
             (true, false) => visit_in!(V, A),
             (false, true) => visit_in!(V::Half, 0),
             (false, false) => visit_in!(V::Half, A),
+        }
+    }
+
+    /// Visits the manifolds in these `lanes`, given as bits. The others do not change by a bit, unless they
+    /// have more than [`MOST_POINTS`].
+    #[inline(always)]
+    pub(super) fn visit_lanes<const LAW: u8, const FRICTION: bool>(
+        &self,
+        points: &mut [Contact<V, L>],
+        lanes: u16,
+    ) {
+        let all = lanes & self.block.used == self.block.used || points.len() > MOST_POINTS;
+        let mut impulses = [Vector::ZERO; MOST_POINTS];
+        let mut before = None;
+        if !all {
+            before = Some(self.gather::<V>());
+            for (kept, contact) in impulses.iter_mut().zip(&*points) {
+                *kept = contact.impulse;
+            }
+        }
+        self.visit::<LAW, FRICTION>(points, false);
+        if let Some(before) = before {
+            let due = V::from_array(std::array::from_fn(|lane| f32::from(lanes >> lane & 1)));
+            for (kept, contact) in impulses.iter().zip(points) {
+                contact.impulse = choose(due, contact.impulse, *kept);
+            }
+            let after = self.gather::<V>();
+            self.scatter([0, 1].map(|side: usize| Velocity {
+                linear: choose(due, after[side].linear, before[side].linear),
+                angular: choose(due, after[side].angular, before[side].angular),
+            }));
         }
     }
 
