@@ -514,7 +514,7 @@ fn gradients_by_island<const L: usize, const A: usize>(seed: u64) {
         assert!((f64::from(found) - size).abs() <= 1e-5 * size, "{found} and {size}");
     }
     // Islands are done only after they have search directions. Then they do not change by a bit.
-    let is_done = |island: u32| island != drystone_solver::island::NONE && island % 3 == 0;
+    let is_done = |island: u32| island != drystone_solver::island::NONE && island.is_multiple_of(3);
     let mut kept = system.clone();
     for iteration in 0..5 {
         if iteration == 2 {
