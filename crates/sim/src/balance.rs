@@ -4,10 +4,13 @@
 //! presses on a box, yields to them; then its joints drive it on. The velocity that these give to a body
 //! after its contacts, as a mean over [`MEMORY`], is how fast it sinks into what it touches. Blows count
 //! little, since [`JOLT`] bounds each value. A mechanism of which a body sinks faster than
-//! [`MOST_SINKING`] is solved to a tolerance, together with its contacts, as all are in a bake. So is one
-//! that stands on something when its first step begins: it starts with the forces that hold it.
-//! And one that a kinematic body leads, such as a hand: friction must follow it. Mechanisms with
-//! joined bodies that collide with each other are left to the sweeps.
+//! [`MOST_SINKING`] is solved to a tolerance, together with its contacts, as all are in a bake. It is for
+//! [`HOLD`], and as long as it stands. So is one that stands on something when its first step begins: it
+//! starts with the forces that hold it. And one that a kinematic body leads, such as a hand: friction must
+//! follow it.
+//!
+//! Contacts between joined bodies may bear against the joints. So a body that touches nothing else does not
+//! sink, and a mechanism that folds, with such contacts, is solved so from its first step on.
 
 use drystone_solver::{Real, Velocity};
 
@@ -18,7 +21,11 @@ const MEMORY: f32 = 0.2;
 const JOLT: f32 = 0.05;
 const MOST_SINKING: f32 = 0.01;
 
-/// Time for which a mechanism is solved to a tolerance after it has sunk, and after its first step. \[s\]
+/// Speed of its fastest body up to which a mechanism stands. \[m/s\]
+pub(crate) const MOVING: f32 = 0.1;
+
+/// Time in motion for which a mechanism is solved to a tolerance after it has sunk, and after its first step.
+/// \[s\]
 const HOLD: f32 = 5.0;
 const HOLD_FIRST: f32 = 1.0;
 
@@ -27,7 +34,8 @@ const HOLD_FIRST: f32 = 1.0;
 pub(crate) struct Balance<const L: usize, const A: usize> {
     /// Mean velocity that joints give to the body after its contacts. \[m/s, rad/s\]
     pub(crate) sinking: Velocity<f32, L, A>,
-    /// Time since its mechanism sank; negative before the first step with joints. \[s\]
+    /// Time since its mechanism sank, without that in which it stood; negative before the first step with
+    /// joints. \[s\]
     pub(crate) since: f32,
 }
 
@@ -44,17 +52,24 @@ impl<const L: usize, const A: usize> Balance<L, A> {
     }
 
     /// Begins the balance of a body whose mechanism touches something. If it `stands` on that, it is solved to
-    /// a tolerance at first.
-    pub(crate) fn begin(&mut self, stands: bool) {
+    /// a tolerance at first; if it `folds`, until it has moved.
+    pub(crate) fn begin(&mut self, stands: bool, folds: bool) {
         if self.since < 0.0 {
-            self.since = if stands { HOLD - HOLD_FIRST } else { f32::MAX };
+            self.since = match (stands, folds) {
+                (true, true) => 0.0,
+                (true, false) => HOLD - HOLD_FIRST,
+                (false, _) => f32::MAX,
+            };
         }
     }
 
-    /// Lets a substep of `h` \[s\] pass.
-    pub(crate) fn pass(&mut self, h: f32) {
+    /// Lets a substep of `h` \[s\] pass, in which the mechanism `moves`. One that has sunk does not sink again
+    /// while it stands.
+    pub(crate) fn pass(&mut self, moves: bool, h: f32) {
         self.sinking = self.sinking * (1.0 - part(h));
-        self.since += h;
+        if moves || !(0.0..HOLD - HOLD_FIRST).contains(&self.since) {
+            self.since += h;
+        }
     }
 
     /// Notes what joints have given to the body in a substep of `h` \[s\]. Its surface is at `reach` \[m\].

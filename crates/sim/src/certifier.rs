@@ -28,6 +28,10 @@ const RELAXED: f64 = 0.1;
 const MOST_RELAXED: f64 = 2e-4;
 const RELAX_ROUNDS: usize = 64;
 
+/// Size of an iteration of relaxing beyond which it is a blow: what gravity gives in a substep, and at least
+/// this. \[m/s\]
+const LEAST_BLOW: f64 = 0.02;
+
 /// Largest number of steps between searches for jams that find none.
 const LONGEST_WAIT: u32 = 64;
 
@@ -290,16 +294,19 @@ impl<const L: usize, const A: usize> Certifier<L, A> {
     }
 
     /// Relaxes the islands with joints, of those that are solved to a tolerance, to [`RELAXED`] times it.
+    /// `fall` is what gravity gives in a substep. \[m/s\]
     pub(crate) fn relax(
         &mut self,
         system: &mut System<f32, L, A>,
         constraints: (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
         settings: &StepSettings,
+        fall: f32,
     ) {
         let tolerance = if self.are_some { BALANCED } else { settings.tolerance.into() };
         let tolerance = (RELAXED * tolerance).min(MOST_RELAXED);
         let goal = Goal { tolerance, budget: RELAX_ROUNDS };
-        self.island_solver.relax(&mut system.velocities, constraints, &self.islands, &goal);
+        let until = (&goal, LEAST_BLOW.max(fall.into()));
+        self.island_solver.relax(&mut system.velocities, constraints, &self.islands, until);
     }
 
     /// Finds the body that a report on the worst island should name: one at the contact or joint

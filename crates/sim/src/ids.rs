@@ -5,6 +5,11 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+/// Returns a pair with the smaller index first.
+pub(crate) fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
 /// Defines a public identifier: a slot, the generation of its content, and the world.
 macro_rules! id {
     ($(#[$doc:meta])* $name:ident) => {

@@ -291,10 +291,11 @@ impl<const L: usize, const A: usize> JointBatch<'_, L, A> {
                 continue;
             }
             let members = || linkage.members.iter().filter_map(|&body| own(body));
-            members().for_each(|own| balances[own].pass(h));
+            members().for_each(|own| balances[own].pass(linkage.moves, h));
             let mut sinks = false;
-            let touched = linkage.members.iter().zip(&linkage.touched).enumerate();
-            for (index, (&body, _)) in touched.filter(|(_, (_, touched))| **touched) {
+            // Contacts between joined bodies may bear against their joints.
+            let loaded = linkage.members.iter().zip(&linkage.loaded).enumerate();
+            for (index, (&body, _)) in loaded.filter(|(_, (_, loaded))| **loaded) {
                 if let Some(own) = own(body) {
                     let reach = properties.reach[body as usize].core;
                     sinks |= balances[own].note(&part.change(index).cast(), reach, h);

@@ -2,9 +2,10 @@
 
 use drystone_solver::InverseMass;
 
-use crate::balance::Balance;
+use crate::balance::{Balance, MOVING, speed};
 use crate::bodies::BodyView;
 use crate::geometry::Geometry;
+use crate::ids::sorted;
 use crate::joint::record::WORLD;
 use crate::report::StepReport;
 use crate::step_scratch::StepScratch;
@@ -49,9 +50,15 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         if !joints.is_idle() {
             let touched = &mut self.scratch.touched;
             touched.clear();
-            touched.resize(self.bodies.poses.len(), false);
-            for body in self.contacts.cache.pairs().flatten() {
-                touched[body as usize] = self.bodies.is_dynamic(body as usize);
+            touched.resize(self.bodies.poses.len(), [false; 2]);
+            let joined = joints.colliding_pairs();
+            for pair in self.contacts.cache.pairs() {
+                let loads = joined.binary_search(&sorted(pair)).is_err();
+                for body in pair {
+                    let [is_touched, is_loaded] = &mut touched[body as usize];
+                    *is_touched = self.bodies.is_dynamic(body as usize);
+                    *is_loaded |= *is_touched && loads;
+                }
             }
             joints.find_touching(|body| touched[body as usize]);
             self.find_exact();
@@ -69,14 +76,16 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
         bodies.is_exact.clear();
         bodies.is_exact.resize(bodies.poses.len(), false);
         for linkage in &mut self.solver.joints.linkages {
+            linkage.moves = linkage.members.iter().any(|&body| {
+                let own = body as usize;
+                let is_fast = || speed(&bodies.velocities[own], bodies.reach[own].core) > MOVING;
+                bodies.is_dynamic(own) && is_fast()
+            });
             let is_due = |&body: &u32| match bodies.is_dynamic(body as usize) {
                 true => bodies.balances[body as usize].sinks(),
                 false => !bodies.is_static(body),
             };
-            // Contacts of bodies with those that they are joined to may bear against the joints.
-            let collides = linkage.records.iter().any(|record| record.collide);
-            linkage.exact =
-                all || linkage.touches && !collides && linkage.members.iter().any(is_due);
+            linkage.exact = all || linkage.touches && linkage.members.iter().any(is_due);
             if linkage.exact {
                 for &body in &linkage.members {
                     bodies.is_exact[body as usize] = bodies.has_joint[body as usize];
@@ -99,21 +108,20 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 own.for_each(|&body| of_body[body as usize] = index);
             }
             stands.resize(linkages.len(), false);
-            let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
-            let mut joined: Vec<_> = self.solver.joints.pairs().map(sorted).collect();
-            joined.sort_unstable();
-            let pairs = self.contacts.cache.pairs().map(sorted);
-            let pairs = pairs.filter(|pair| joined.binary_search(pair).is_err());
+            let joined = self.solver.joints.colliding_pairs();
+            let pairs = self.contacts.cache.pairs();
+            let pairs = pairs.filter(|pair| joined.binary_search(&sorted(*pair)).is_err());
             let pairs = pairs.map(|pair| pair.map(|body| of_body[body as usize]));
             for of in pairs.filter(|[a, b]| a != b).flatten() {
                 stands.get_mut(of).into_iter().for_each(|stands| *stands = true);
             }
         }
         for (index, linkage) in linkages.iter().enumerate() {
+            let folds = linkage.records.iter().any(|record| record.collide);
             for &body in linkage.members.iter().filter(moves) {
                 let own = &mut balances[body as usize];
                 if linkage.touches {
-                    own.begin(stands.get(index) == Some(&true));
+                    own.begin(stands.get(index) == Some(&true), folds);
                 } else {
                     *own = Balance::FREE;
                 }

@@ -8,7 +8,7 @@ use drystone_solver::{Axis, InverseMass, Joint as SolverJoint, Vector, Velocity}
 
 use crate::bodies::{Bodies, BodyView};
 use crate::geometry::Geometry;
-use crate::ids::Slots;
+use crate::ids::{Slots, sorted};
 use crate::joint::coordinates::{RowCoordinate, Turn, Vec3};
 use crate::joint::linkage::Linkage;
 use crate::joint::places::in_space;
@@ -229,11 +229,22 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.mechanisms.set_pool(pool);
     }
 
-    /// Finds the bodies that touch others, and the mechanisms of which one touches one without joints.
-    pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> bool) {
+    /// Returns the sorted pairs of bodies that collide though they are joined, in order.
+    pub(crate) fn colliding_pairs(&self) -> Vec<[u32; 2]> {
+        let records = self.linkages.iter().flat_map(|linkage| &linkage.records);
+        let colliding = records.filter(|record| record.collide);
+        let mut pairs: Vec<_> = colliding.map(|record| sorted(record.bodies)).collect();
+        pairs.sort_unstable();
+        pairs
+    }
+
+    /// Finds the bodies that touch others, those of them that touch one to which they are not joined, and the
+    /// mechanisms of which one touches another.
+    pub(crate) fn find_touching(&mut self, touches: impl Fn(u32) -> [bool; 2]) {
         for linkage in &mut self.linkages {
-            for (touched, &body) in linkage.touched.iter_mut().zip(&linkage.members) {
-                *touched = touches(body);
+            let marks = linkage.touched.iter_mut().zip(&mut linkage.loaded);
+            for ((touched, loaded), &body) in marks.zip(&linkage.members) {
+                [*touched, *loaded] = touches(body);
             }
             linkage.touches = linkage.touched.contains(&true);
         }

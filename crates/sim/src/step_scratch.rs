@@ -46,8 +46,8 @@ pub(crate) struct StepScratch<G: Geometry<L, A>, const L: usize, const A: usize>
     /// true if it is another now.
     pub(crate) read_masses: Vec<InverseMass<f32, L, A>>,
     pub(crate) renewed: Vec<bool>,
-    /// By body: true if it is dynamic and has contacts.
-    pub(crate) touched: Vec<bool>,
+    /// By body: true if it is dynamic and has contacts, and if it has any with a body to which it is not joined.
+    pub(crate) touched: Vec<[bool; 2]>,
     pub(crate) ledger: LedgerBuilder<L, A>,
     /// Normal impulses of the last step, if they are recorded.
     pub(crate) impulses: ImpulseRecord<L, A>,

@@ -425,10 +425,10 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
     /// Relaxes contacts and joints in turn, where these are solved to a tolerance.
     fn relax_exactly(&mut self, plan: &PartPlan<L>, timer: &mut StageTimer) {
         if plan.refines() && self.solver.joints.touch() {
-            let settings = &self.settings;
+            let (settings, fall) = (&self.settings, plan.params.gravity.length() * plan.params.h);
             self.solver.with_system(&mut self.bodies, |solver, _| {
                 let ConstraintSolver { lanes, joints, certifier, system, .. } = solver;
-                certifier.relax(system, (lanes, &mut joints.mechanisms), settings);
+                certifier.relax(system, (lanes, &mut joints.mechanisms), settings, fall);
             });
             timer.lap(Stage::Relax);
         }

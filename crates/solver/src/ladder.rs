@@ -232,10 +232,8 @@ const TRIAL: usize = 12;
 /// A certificate is due when the predicted error is at most this fraction of the aim. \[1\]
 const SURE: f64 = 0.9;
 
-/// Least number of iterations of relaxing \[1\], and size of the first one beyond which it is a blow, which gets
-/// no more. \[m/s\]
+/// Least number of iterations of relaxing. \[1\]
 const LEAST_RELAXED: usize = 7;
-const BLOW: f64 = 0.02;
 
 /// Experience of an [`IslandSolver`] from the systems so far, which steers the next solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -396,15 +394,15 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
 
     /// Relaxes the islands with joints by [`nncg`] with rigid contacts, until the size of an iteration,
     /// sqrt(|g|^2 / m), is within the tolerance, or for `goal.budget` iterations. Each ends with a visit of
-    /// the mechanisms. The contacts have been [relaxed](crate::lanes::LaneBatch::relax) once. A
-    /// blow is relaxed by a few sweeps alone: conjugate directions would load contacts with
-    /// impulses that joints bear, and throw bodies when these break.
+    /// the mechanisms. The contacts have been [relaxed](crate::lanes::LaneBatch::relax) once. An
+    /// island whose first iteration is larger than `blow` \[m/s\] is relaxed by a few sweeps alone: conjugate
+    /// directions would load contacts with impulses that joints bear, and throw bodies when these break.
     pub fn relax(
         &mut self,
         velocities: &mut [Velocity<f32, L, A>],
         (lanes, joints): (&mut LaneSystem<L, A>, &mut Mechanisms<L, A>),
         islands: &Islands,
-        goal: &Goal,
+        (goal, blow): (&Goal, f64),
     ) {
         self.begin_lanes(joints, islands, goal);
         lanes.begin_conjugate();
@@ -425,7 +423,7 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
             let islands = self.done.iter_mut().zip(&mut self.struck);
             for ((done, struck), (&size, mass)) in islands.zip(sizes) {
                 let size = f64::from(size);
-                *struck |= made == 1 && size > mass * BLOW * BLOW;
+                *struck |= made == 1 && size > mass * blow * blow;
                 let is_small = size <= mass * goal.tolerance * goal.tolerance;
                 *done |= made >= LEAST_RELAXED && (is_small || *struck);
             }

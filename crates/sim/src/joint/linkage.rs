@@ -120,8 +120,12 @@ pub(crate) struct Linkage<const L: usize, const A: usize> {
     pub(crate) true_masses: Vec<(u32, InverseMass<f32, L, A>)>,
     /// By member: true if it is dynamic and touches another body.
     pub(crate) touched: Vec<bool>,
+    /// By member: true if it is dynamic and touches a body to which it is not joined.
+    pub(crate) loaded: Vec<bool>,
     /// True if a body touches another one.
     pub(crate) touches: bool,
+    /// True if a body moves when the part begins ([`MOVING`](crate::balance::MOVING)).
+    pub(crate) moves: bool,
     /// True if it is solved to a tolerance together with its contacts.
     pub(crate) exact: bool,
     /// True if what its springs and motors give in a substep is bounded before joints bear it.
@@ -190,7 +194,9 @@ impl<const L: usize, const A: usize> Linkage<L, A> {
             wrenches: vec![Velocity::ZERO; count],
             true_masses: Vec::with_capacity(count),
             touched: vec![false; count],
+            loaded: vec![false; count],
             touches: false,
+            moves: false,
             exact: false,
             bounded: true,
             aims: false,

@@ -376,17 +376,19 @@ impl<V: Lanes, const L: usize, const A: usize> Block<V, L, A> {
         self.islands.iter().fold(true, |one, of| one & (*of == first)).then_some(first)
     }
 
-    /// Returns the lanes, as bits, whose manifolds belong to islands that are not done.
+    /// Returns the lanes that an iteration visits, as bits: none if all islands are done. Islands that are done
+    /// go along with their neighbors, manifolds without an island do not.
     #[inline(always)]
-    pub(super) fn open_lanes(&self, done: &[bool]) -> u16 {
+    pub(super) fn due_lanes(&self, done: &[bool]) -> u16 {
         let is_open = |island: u32| done.get(island as usize) == Some(&false);
-        let open = match self.island() {
-            Some(island) => u16::from(is_open(island)) * u16::MAX,
-            None => (0..)
-                .zip(self.islands)
-                .fold(0, |all, (lane, own)| all | u16::from(is_open(own)) << lane),
-        };
-        open & self.used
+        match self.island() {
+            Some(island) => u16::from(is_open(island)) * self.used,
+            None if self.islands.iter().any(|&island| is_open(island)) => {
+                let has_island = self.islands.map(|island| (island as usize) < done.len());
+                (0..).zip(has_island).fold(0, |all, (lane, own)| all | u16::from(own) << lane)
+            }
+            None => 0,
+        }
     }
 }
 

@@ -64,7 +64,7 @@ impl<const L: usize, const A: usize> Conjugate<L, A> {
         let total = |of: V| (0..WIDTH).map(|lane| of.get(lane)).sum::<f32>();
         for (block, size) in blocks.iter().zip(view_all::<V, _>(&self.gradients)) {
             match block.island() {
-                _ if block.open_lanes(done) == 0 => {}
+                _ if block.due_lanes(done) == 0 => {}
                 Some(own) if own == island => sum += *size,
                 Some(own) => {
                     self.sizes[of(island)] += total(std::mem::replace(&mut sum, *size));

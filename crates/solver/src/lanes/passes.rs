@@ -18,7 +18,11 @@ use crate::certificate::{Certificate, CertificateScratch, ManifoldTerms};
 use crate::contact::{RIGID, RIGID_APART, SOFT};
 use crate::island::{Islands, NONE};
 use crate::thread_pool::DisjointSlice;
-use crate::{Contact, Repair, SurfaceEffects, Velocity, nncg};
+use crate::{Contact, Repair, SurfaceEffects, Vector, Velocity, nncg};
+
+/// Points of a manifold that keep their impulses where it is not due; a manifold with more of them is swept
+/// with its neighbors.
+const MOST_POINTS: usize = 8;
 
 /// Grain size of the pass over the bodies in a certificate.
 const CERTIFICATE_GRAIN: usize = 16;
@@ -269,10 +273,16 @@ impl<V: Lanes, const L: usize, const A: usize> Passes<L, A> for Compiled<V> {
                 let [a, b] = at.block.bodies;
                 let is_due = |lane: usize| is_due(a[lane]) || is_due(b[lane]);
                 let due = (0..WIDTH).fold(0, |all, lane| all | u16::from(is_due(lane)) << lane);
-                if due != 0 {
-                    let points = at.points();
-                    at.visit_lanes::<RIGID_APART, false>(points, due);
+                if due == 0 {
+                    return;
                 }
+                let points = at.points();
+                let due = if points.len() > MOST_POINTS { u16::MAX } else { due };
+                let mut before = [Vector::ZERO; MOST_POINTS];
+                for (kept, contact) in before.iter_mut().zip(&*points) {
+                    *kept = contact.impulse;
+                }
+                at.visit_lanes::<RIGID_APART, false>((points, &before), due);
             },
         );
     }
@@ -494,7 +504,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize, const LAW: u8>(
     velocities: &mut [Velocity<f32, L, A>],
     done: &[bool],
 ) {
-    // Bodies of islands that are done must stop, as their contacts do.
+    // Bodies of islands that are done must stop, as most of their contacts do.
     let of_done = state.betas.iter_mut().zip(done).filter(|(_, done)| **done);
     of_done.for_each(|(beta, _)| *beta = 0.0);
     let betas = &state.betas;
@@ -527,8 +537,8 @@ fn iterate<V: Lanes, const L: usize, const A: usize, const LAW: u8>(
         #[inline(always)]
         |mut at| {
             let block = at.block;
-            let open = block.open_lanes(done);
-            if open == 0 {
+            let due = block.due_lanes(done);
+            if due == 0 {
                 return;
             }
             let beta = match block.island() {
@@ -543,7 +553,7 @@ fn iterate<V: Lanes, const L: usize, const A: usize, const LAW: u8>(
                 contact.impulse += *direction * beta;
                 *before = contact.impulse;
             }
-            at.visit_lanes::<LAW, true>(points, open);
+            at.visit_lanes::<LAW, true>((points, before), due);
             let mut size = V::ZERO;
             for (contact, before) in points.iter().zip(before) {
                 size += nncg::size(contact, *before);

@@ -28,10 +28,6 @@ use crate::{Contact, InverseMass, SurfaceEffects, Vector, Velocity, each_lane};
 /// holds. For less, prefetching costs more than it saves. \[bytes\]
 const LARGE: usize = 4 << 20;
 
-/// Points of a manifold that keep their impulses where it is not due; a manifold with more of them is swept
-/// with its neighbors.
-const MOST_POINTS: usize = 8;
-
 /// A sweep over the blocks of a batch, with the velocities of its bodies.
 pub(super) struct BlockSweep<'a, V: Lanes, const L: usize, const A: usize> {
     pub(super) blocks: &'a [Block<V, L, A>],
@@ -67,6 +63,8 @@ pub(super) struct BlockVisit<'a, V: Lanes, const L: usize, const A: usize> {
     contacts: &'a DisjointSlice<'a, Contact<V, L>>,
     /// The sweep whose upcoming blocks to prefetch, if any.
     ahead: Option<&'a BlockSweep<'a, V, L, A>>,
+    /// Lanes whose bodies it moves, as bits.
+    lanes: u16,
 }
 
 impl<'g, V: Lanes, const L: usize, const A: usize> BlockSweep<'g, V, L, A> {
@@ -142,7 +140,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> Iterator for BlockIter<'a, V,
             // Blocks may be empty, as room for new manifolds.
             if block.used != 0 {
                 let ahead = large.then_some(self.ground);
-                let at = BlockVisit { index, block, velocities, contacts, ahead };
+                let at = BlockVisit { index, block, velocities, contacts, ahead, lanes: u16::MAX };
                 at.look_ahead(0);
                 return Some(at);
             }
@@ -202,34 +200,21 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         }
     }
 
-    /// Visits the manifolds in these `lanes`, given as bits. The others do not change by a bit, unless they
-    /// have more than [`MOST_POINTS`].
+    /// Visits the manifolds in these `lanes`, given as bits. The others do not change by a bit. `before` are the
+    /// impulses of the points.
     #[inline(always)]
     pub(super) fn visit_lanes<const LAW: u8, const FRICTION: bool>(
-        &self,
-        points: &mut [Contact<V, L>],
+        &mut self,
+        (points, before): (&mut [Contact<V, L>], &[Vector<V, L>]),
         lanes: u16,
     ) {
-        let all = lanes & self.block.used == self.block.used || points.len() > MOST_POINTS;
-        let mut impulses = [Vector::ZERO; MOST_POINTS];
-        let mut before = None;
-        if !all {
-            before = Some(self.gather::<V>());
-            for (kept, contact) in impulses.iter_mut().zip(&*points) {
-                *kept = contact.impulse;
-            }
-        }
+        self.lanes = lanes;
         self.visit::<LAW, FRICTION>(points, false);
-        if let Some(before) = before {
+        if lanes & self.block.used != self.block.used {
             let due = V::from_array(std::array::from_fn(|lane| f32::from(lanes >> lane & 1)));
-            for (kept, contact) in impulses.iter().zip(points) {
-                contact.impulse = choose(due, contact.impulse, *kept);
+            for (contact, before) in points.iter_mut().zip(before) {
+                contact.impulse = choose(due, contact.impulse, *before);
             }
-            let after = self.gather::<V>();
-            self.scatter([0, 1].map(|side: usize| Velocity {
-                linear: choose(due, after[side].linear, before[side].linear),
-                angular: choose(due, after[side].angular, before[side].angular),
-            }));
         }
     }
 
@@ -257,7 +242,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         velocities
     }
 
-    /// Sets the velocities of the bodies that can be moved.
+    /// Sets the velocities of the bodies that can be moved, in the lanes of the visit.
     #[inline(always)]
     pub(super) fn scatter<C: KernelLanes>(&self, [a, b]: [Velocity<C, L, A>; 2]) {
         self.look_ahead(3);
@@ -276,7 +261,7 @@ impl<'a, V: Lanes, const L: usize, const A: usize> BlockVisit<'a, V, L, A> {
         // SAFETY: the bodies are checked above, and nobody else is at them, as in `gather`. A
         // velocity takes up whole rows.
         unsafe {
-            scatter(&numbers[..L + A], to, self.block.moving[side]);
+            scatter(&numbers[..L + A], to, self.block.moving[side] & self.lanes);
         }
     }
 }

@@ -27,6 +27,7 @@ pub(super) const UPRIGHT: f32 = 0.9995;
 const OPEN: f32 = f32::INFINITY;
 
 use crate::geometry::Vec3;
+use crate::ids::sorted;
 
 /// A triangle mesh prepared for contact detection.
 #[derive(Clone, Debug)]
@@ -245,10 +246,6 @@ struct Builder {
     solid: Vec<bool>,
     /// Number of the sheet of each triangle.
     sheet: Vec<u32>,
-}
-
-fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }
 
 fn sides([a, b, c]: [u32; 3]) -> [[u32; 2]; 3] {
