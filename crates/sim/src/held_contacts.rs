@@ -30,10 +30,14 @@ const DEPENDENT: f64 = 1e-9;
 /// Rows of J of two bodies.
 type Rows<const L: usize, const A: usize> = [Velocity<f64, L, A>; 2];
 
+/// Largest number of independent rows: two bodies have twelve velocities.
+const MOST_ROWS: usize = 12;
+
 /// The velocities that the locks of joints between two bodies stop, as rows orthonormal by M^-1.
 struct LockedRows<const L: usize, const A: usize> {
     masses: [InverseMass<f64, L, A>; 2],
-    rows: Vec<Rows<L, A>>,
+    rows: [Rows<L, A>; MOST_ROWS],
+    count: usize,
 }
 
 impl<const L: usize, const A: usize> LockedRows<L, A> {
@@ -45,7 +49,7 @@ impl<const L: usize, const A: usize> LockedRows<L, A> {
     /// Returns the part of a row that the locks leave, with the fraction of its mobility.
     fn rest(&self, row: &Rows<L, A>) -> (Rows<L, A>, f64) {
         let (mut rest, whole) = (*row, self.product(row, row));
-        for own in &self.rows {
+        for own in &self.rows[..self.count] {
             let part = self.product(&rest, own);
             rest = [0, 1].map(|side| rest[side] - own[side] * part);
         }
@@ -56,9 +60,10 @@ impl<const L: usize, const A: usize> LockedRows<L, A> {
     /// Adds a lock, unless it depends on the others.
     fn add(&mut self, row: &Rows<L, A>) {
         let (rest, fraction) = self.rest(row);
-        if fraction > DEPENDENT {
+        if fraction > DEPENDENT && self.count < MOST_ROWS {
             let scale = 1.0 / self.product(&rest, &rest).sqrt();
-            self.rows.push(rest.map(|own| own * scale));
+            self.rows[self.count] = rest.map(|own| own * scale);
+            self.count += 1;
         }
     }
 }
@@ -94,7 +99,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             return None;
         }
         let masses = pair.bodies.map(|body| bodies.inverse_masses[body as usize].cast());
-        let (mut locked, at) = (LockedRows { masses, rows: Vec::new() }, self.body_places());
+        let rows = [[Velocity::ZERO; 2]; MOST_ROWS];
+        let (mut locked, at) = (LockedRows { masses, rows, count: 0 }, self.body_places());
         for &(_, slot) in all {
             let record = &joints.records[slot as usize];
             let places = record.places(|body| at.of(body));

@@ -5,7 +5,6 @@ use drystone_solver::InverseMass;
 use crate::balance::{Balance, MOVING, speed};
 use crate::bodies::BodyView;
 use crate::geometry::Geometry;
-use crate::ids::sorted;
 use crate::joint::record::WORLD;
 use crate::report::StepReport;
 use crate::step_scratch::StepScratch;
@@ -51,9 +50,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
             let touched = &mut self.scratch.touched;
             touched.clear();
             touched.resize(self.bodies.poses.len(), [false; 2]);
-            let joined = joints.colliding_pairs();
             for pair in self.contacts.cache.pairs() {
-                let loads = joined.binary_search(&sorted(pair)).is_err();
+                let loads = !joints.joins_colliding(pair);
                 for body in pair {
                     let [is_touched, is_loaded] = &mut touched[body as usize];
                     *is_touched = self.bodies.is_dynamic(body as usize);
@@ -108,9 +106,8 @@ impl<G: Geometry<L, A>, const L: usize, const A: usize> World<G, L, A> {
                 own.for_each(|&body| of_body[body as usize] = index);
             }
             stands.resize(linkages.len(), false);
-            let joined = self.solver.joints.colliding_pairs();
-            let pairs = self.contacts.cache.pairs();
-            let pairs = pairs.filter(|pair| joined.binary_search(&sorted(*pair)).is_err());
+            let joints = &self.solver.joints;
+            let pairs = self.contacts.cache.pairs().filter(|pair| !joints.joins_colliding(*pair));
             let pairs = pairs.map(|pair| pair.map(|body| of_body[body as usize]));
             for of in pairs.filter(|[a, b]| a != b).flatten() {
                 stands.get_mut(of).into_iter().for_each(|stands| *stands = true);

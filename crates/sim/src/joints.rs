@@ -80,6 +80,8 @@ pub(crate) struct Joints<const L: usize, const A: usize> {
     acting: Vec<u32>,
     /// Their pairs of bodies.
     pairs: Vec<[u32; 2]>,
+    /// The sorted pairs of those whose bodies collide, in order.
+    colliding: Vec<[u32; 2]>,
     /// Their rows, and the solver.
     pub(crate) mechanisms: Mechanisms<L, A>,
     /// The mechanisms in a substep.
@@ -219,6 +221,10 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         let order = Mechanisms::<L, A>::order(&pairs, masses);
         let acting: Vec<u32> = order.iter().map(|&index| acting[index as usize]).collect();
         self.pairs = order.iter().map(|&index| pairs[index as usize]).collect();
+        let records = acting.iter().map(|&slot| &self.records[slot as usize]);
+        let colliding = records.filter(|record| record.collide);
+        self.colliding = colliding.map(|record| sorted(record.bodies)).collect();
+        self.colliding.sort_unstable();
         self.acting = acting;
         self.connect(bodies, gravity);
         true
@@ -229,13 +235,9 @@ impl<const L: usize, const A: usize> Joints<L, A> {
         self.mechanisms.set_pool(pool);
     }
 
-    /// Returns the sorted pairs of bodies that collide though they are joined, in order.
-    pub(crate) fn colliding_pairs(&self) -> Vec<[u32; 2]> {
-        let records = self.linkages.iter().flat_map(|linkage| &linkage.records);
-        let colliding = records.filter(|record| record.collide);
-        let mut pairs: Vec<_> = colliding.map(|record| sorted(record.bodies)).collect();
-        pairs.sort_unstable();
-        pairs
+    /// Returns true if an acting joint joins these bodies, which collide.
+    pub(crate) fn joins_colliding(&self, pair: [u32; 2]) -> bool {
+        self.colliding.binary_search(&sorted(pair)).is_ok()
     }
 
     /// Finds the bodies that touch others, those of them that touch one to which they are not joined, and the

@@ -271,6 +271,8 @@ pub struct IslandSolver<const L: usize, const A: usize> {
     before: Vec<f64>,
     directions: Vec<f64>,
     errors: Vec<f64>,
+    /// Those of the certificate before.
+    errors_before: Vec<f64>,
     /// Mass \[kg\] and mass-weighted root-mean-square speed \[m/s\] of each island at the last
     /// [`start`](Self::start).
     masses: Vec<f64>,
@@ -295,6 +297,7 @@ impl<const L: usize, const A: usize> Default for IslandSolver<L, A> {
             before: Vec::new(),
             directions: Vec::new(),
             errors: Vec::new(),
+            errors_before: Vec::new(),
             masses: Vec::new(),
             speeds: Vec::new(),
             aims: Vec::new(),
@@ -487,16 +490,16 @@ impl<const L: usize, const A: usize> IslandSolver<L, A> {
     ) {
         self.begin_lanes(joints, islands, goal);
         lanes.begin_conjugate();
-        let mut before = Vec::new();
         while self.done.contains(&false) {
             let longest = LONGEST.max(outcome.iterations / 4).min(most);
             let (due, size) = self.iterate(velocities, (lanes, joints), islands, longest);
             outcome.iterations += due;
-            before.clone_from(&self.errors);
+            self.errors_before.clone_from(&self.errors);
             self.certify::<RESIDUALS>(velocities, (lanes, joints), prospective, islands, outcome);
             // The largest ratio of an error to its aim.
             let mut worst = 0.0f64;
-            let errors = before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
+            let errors =
+                self.errors_before.iter().zip(&self.errors).zip(self.aims.iter().zip(&self.limits));
             let gradients = lanes.gradients().iter().chain(std::iter::repeat(&0.0));
             let open = self.done.iter_mut().zip(self.jointed.iter().zip(gradients));
             for ((done, (&jointed, &size)), ((&before, &error), (&aim, &limit))) in open.zip(errors)
